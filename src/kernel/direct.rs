@@ -8,7 +8,6 @@ use super::eights::{self, Eight, brought};
 use super::walk::{Candidate, Connecting, Level, LightSample, PathBlock, Waiting, Walk, Work};
 use crate::accel::{HitRay, NOTHING, stage};
 use crate::lanes::{LANES, Record};
-use crate::model::bsdf::Scatter;
 use crate::model::connection::{ConeKernel, Connection, Target};
 use crate::model::{V2, V3, v2};
 use crate::sampling::{Chosen, EmitterTriangle, Receiver};
@@ -87,7 +86,11 @@ pub(super) fn direct_from_emitters<'a>(
         for lane in lanes.clone() {
             times[lane % LANES] = of.time(level, lane);
         }
-        let at = eights::receivers(points, times);
+        let at = Eight::<Receiver> {
+            position: points.position,
+            normal: points.shading.geometric,
+            time: times,
+        };
         let matt = level.matt[first / LANES];
         let chosen = choose_emitters(of, level, lanes.clone(), matt, &at, work);
         let weights = eights::uniform_points(chosen.rest, level.emitters.lanes(first).y);
@@ -194,6 +197,9 @@ fn choose_emitters(
     chosen
 }
 
+/// Up to so many triangles that emit are passed to find those that lanes chose.
+const PASSED: u32 = 8;
+
 /// Connects matt surfaces to points of triangles, all lanes at once.
 #[inline(always)]
 fn connect_matt(
@@ -205,7 +211,23 @@ fn connect_matt(
     work: &mut Work,
 ) {
     let points = level.points.lanes(lanes.start);
-    let (on, radiances) = chosen_emitters(of, lanes.clone(), (chosen, weights), times);
+    let (lists, emitters) = (&of.lists, &of.emitters);
+    // The triangles that lanes chose, and what their fronts emit there.
+    let mut on = Eight::<EmitterTriangle>::default();
+    let passed = emitters.triangle_count <= PASSED;
+    if passed {
+        on = eights::chosen_triangles(emitters, chosen.emitter, *times);
+    }
+    let mut radiances = Eight::<V3>::default();
+    for lane in lanes.clone() {
+        let k = chosen.emitter[lane % LANES];
+        if !passed {
+            let triangle = emitters.triangle(k, times[lane % LANES]);
+            triangle.set(&mut on, lane);
+        }
+        let radiance = radiance_of(lists, k, V2::get(weights, lane), 1.0);
+        radiance.set(&mut radiances, lane);
+    }
     let cones = (of.cone, *level.cones.lanes(lanes.start));
     let (directions, found) = if of.features.cones {
         eights::connect::<true>(*points, on, *weights, chosen.chance, cones)
@@ -230,36 +252,6 @@ fn connect_matt(
     }
 }
 
-/// Up to so many triangles that emit are passed to find those that lanes chose.
-const PASSED: u32 = 8;
-
-/// The triangles of emitters that lanes chose, and what their fronts emit there.
-#[inline(always)]
-fn chosen_emitters(
-    of: &PathBlock,
-    lanes: Range<usize>,
-    (chosen, weights): (&Eight<Chosen>, &Eight<V2>),
-    times: &Eight<f32>,
-) -> (Eight<EmitterTriangle>, Eight<V3>) {
-    let (lists, emitters) = (&of.lists, &of.emitters);
-    let mut on = Eight::<EmitterTriangle>::default();
-    let passed = emitters.triangle_count <= PASSED;
-    if passed {
-        on = eights::chosen_triangles(emitters, chosen.emitter, *times);
-    }
-    let mut radiances = Eight::<V3>::default();
-    for lane in lanes {
-        let k = chosen.emitter[lane % LANES];
-        if !passed {
-            let triangle = emitters.triangle(k, times[lane % LANES]);
-            triangle.set(&mut on, lane);
-        }
-        let radiance = radiance_of(lists, k, V2::get(weights, lane), 1.0);
-        radiance.set(&mut radiances, lane);
-    }
-    (on, radiances)
-}
-
 /// Light of a map along a direction drawn from it, and along that in which the path goes on: where that is sure, the ray on
 /// finds whether the map is seen there.
 #[apply(stage!)]
@@ -277,12 +269,8 @@ pub(super) fn direct_from_map<'a>(
         }
         let numbers = level.choices.get(lane);
         let drawn = map_of(lists).choose(lists.sky_density, numbers.z, numbers.w);
-        let Scatter {
-            direction: scattered,
-            weight,
-            ..
-        } = level.scatters.get(lane);
-        for (by_scattering, direction) in [(false, drawn), (true, scattered)] {
+        let scatter = level.scatters.get(lane);
+        for (by_scattering, direction) in [(false, drawn), (true, scatter.direction)] {
             let connecting = Connecting {
                 lane,
                 emitter: NONE,
@@ -293,7 +281,7 @@ pub(super) fn direct_from_map<'a>(
             let target = Target::of_map(direction);
             let before = work.rays.len();
             connecting.connect(of, level, &target, || sky(lists, direction), work);
-            if by_scattering && surely_on && work.rays.len() > before && !weight.is_zero() {
+            if by_scattering && surely_on && work.rays.len() > before && !scatter.weight.is_zero() {
                 work.rays.truncate(before);
                 work.waiting.extend(work.candidates.pop().map(|c| Waiting {
                     lane: lane as u32,
@@ -312,9 +300,8 @@ pub(super) fn see_map(level: &mut Level, list: &mut [Walk], work: &Work) {
         // Both are in the order of lanes.
         let own = rays.find(|(lane, _)| **lane == waiting.lane);
         if own.is_some_and(|(_, hit)| hit.triangle == NOTHING) {
-            list[level.paths[waiting.lane as usize] as usize]
-                .light
-                .radiance += waiting.light;
+            let path = level.paths[waiting.lane as usize];
+            list[path as usize].light.radiance += waiting.light;
             level.lights.extend(waiting.sample);
         }
     }

@@ -23,6 +23,19 @@ use crate::trace::{HitTriangle, Leaving, Point, leave_sharply, on_plane, plain_p
 /// The lanes of a record.
 pub(super) type Eight<T> = <T as Record>::Lanes;
 
+/// The records of all lanes, each from its index: a loop that is written out where it is used, as a closure may not be
+/// inlined.
+macro_rules! each_lane {
+    ($record:ty, |$i:ident| $value:expr) => {{
+        let mut out = Eight::<$record>::default();
+        for $i in 0..LANES {
+            let value: $record = $value;
+            value.set(&mut out, $i);
+        }
+        out
+    }};
+}
+
 /// Whether all of the first lanes are of matt surfaces.
 #[inline(always)]
 pub(super) fn are_matt(points: &Eight<Point>, lanes: usize) -> bool {
@@ -39,14 +52,12 @@ pub(super) fn plain_points(
     nears: Eight<V3>,
     hits: Eight<HitTriangle>,
 ) -> Eight<Point> {
-    let mut out = Eight::<Point>::default();
-    for i in 0..LANES {
+    each_lane!(Point, |i| {
         let hit = HitTriangle::get(&hits, i);
         let (near, shift) = (V3::get(&nears, i), V3::get(&shifts, i));
         let on = on_plane(&Plane::get(&planes, i), shift, near, hit.direction);
-        plain_point(&on, &hit).set(&mut out, i);
-    }
-    out
+        plain_point(&on, &hit)
+    })
 }
 
 /// The weights of the corners of triangles in these points.
@@ -57,50 +68,28 @@ pub(super) fn weights(
     nears: Eight<V3>,
     directions: Eight<V3>,
 ) -> Eight<V3> {
-    let mut out = Eight::<V3>::default();
-    for i in 0..LANES {
+    each_lane!(V3, |i| {
         let triangle = Triangle::get(&triangles, i);
         let (near, shift) = (V3::get(&nears, i), V3::get(&shifts, i));
         let on = on_plane(&triangle.plane(), shift, near, V3::get(&directions, i));
-        triangle.weights(on.at_rest).set(&mut out, i);
-    }
-    out
+        triangle.weights(on.at_rest)
+    })
 }
 
-/// Points of the pixel filter for two random numbers.
+/// Coordinates of points of the pixel filter for random numbers.
 #[inline(always)]
-pub(super) fn filter_points(table: &[f32], u: Eight<f32>, v: Eight<f32>) -> Eight<V2> {
-    Eight::<V2> {
-        x: filter_of(table, u),
-        y: filter_of(table, v),
-    }
-}
-
-#[inline(always)]
-fn filter_of(table: &[f32], u: Eight<f32>) -> Eight<f32> {
-    let mut places = [0.0; LANES];
-    for i in 0..LANES {
-        places[i] = filter_place(u[i]);
-    }
-    let mut entries = Eight::<V2>::default();
-    for i in 0..LANES {
-        filter_entries(table, 0, places[i]).set(&mut entries, i);
-    }
-    let mut out = [0.0; LANES];
-    for i in 0..LANES {
-        out[i] = filter_between(V2::get(&entries, i), places[i], u[i]);
-    }
-    out
+pub(super) fn filter_of(table: &[f32], u: Eight<f32>) -> Eight<f32> {
+    let places = each_lane!(f32, |i| filter_place(u[i]));
+    let entries = each_lane!(V2, |i| filter_entries(table, 0, places[i]));
+    each_lane!(f32, |i| {
+        filter_between(V2::get(&entries, i), places[i], u[i])
+    })
 }
 
 /// Points of the lens.
 #[inline(always)]
 pub(super) fn lens_points(drawn: Eight<Four>) -> Eight<V2> {
-    let mut out = Eight::<V2>::default();
-    for i in 0..LANES {
-        uniform_disk(drawn.x[i], drawn.y[i]).set(&mut out, i);
-    }
-    out
+    each_lane!(V2, |i| uniform_disk(drawn.x[i], drawn.y[i]))
 }
 
 /// The rays through film points, which are given about the middles of pixels, from points of the lens.
@@ -111,12 +100,10 @@ pub(super) fn camera_rays(
     places: Eight<V2>,
     lens: Eight<V2>,
 ) -> Eight<CameraRay> {
-    let mut out = Eight::<CameraRay>::default();
-    for i in 0..LANES {
+    each_lane!(CameraRay, |i| {
         let (x, y) = (middles.x[i] + places.x[i], middles.y[i] + places.y[i]);
-        camera.ray(x, y, lens.x[i], lens.y[i]).set(&mut out, i);
-    }
-    out
+        camera.ray(x, y, lens.x[i], lens.y[i])
+    })
 }
 
 /// The rays with which paths leave matt surfaces, without cones and roulette.
@@ -126,14 +113,12 @@ pub(super) fn leave(
     scatters: Eight<Scatter>,
     throughputs: Eight<V3>,
 ) -> Eight<Leaving> {
-    let mut out = Eight::<Leaving>::default();
-    for i in 0..LANES {
+    each_lane!(Leaving, |i| {
         let mut point = Point::get(&points, i);
         point.shading = point.shading.as_matt();
         let (scatter, throughput) = (Scatter::get(&scatters, i), V3::get(&throughputs, i));
-        leave_sharply(&point, &scatter, throughput).set(&mut out, i);
-    }
-    out
+        leave_sharply(&point, &scatter, throughput)
+    })
 }
 
 /// The rays of cones about the directions in which paths leave matt surfaces.
@@ -144,37 +129,21 @@ pub(super) fn bend(
     tangent: f32,
     numbers: Eight<Four>,
 ) -> Eight<Bend> {
-    let mut out = Eight::<Bend>::default();
-    for i in 0..LANES {
-        let (direction, outer) = (
-            V3::get(&scatters.direction, i),
-            V3::get(&points.shading.geometric, i),
-        );
-        cone::bend(direction, outer, tangent, numbers.x[i], numbers.y[i]).set(&mut out, i);
-    }
-    out
+    each_lane!(Bend, |i| {
+        let direction = V3::get(&scatters.direction, i);
+        let outer = V3::get(&points.shading.geometric, i);
+        cone::bend(direction, outer, tangent, numbers.x[i], numbers.y[i])
+    })
 }
 
 /// Draws the directions in which paths leave matt surfaces.
 #[inline(always)]
 pub(super) fn scatter(points: Eight<Shading>, numbers: Eight<Four>) -> Eight<Scatter> {
-    let mut out = Eight::<Scatter>::default();
-    for i in 0..LANES {
+    each_lane!(Scatter, |i| {
         let drawn = Four::get(&numbers, i);
         let shading = Shading::get(&points, i).as_matt();
-        shading.sample(drawn.x, drawn.y, 0.0).set(&mut out, i);
-    }
-    out
-}
-
-/// Points as emitters are chosen for them.
-#[inline(always)]
-pub(super) fn receivers(points: &Eight<Point>, times: Eight<f32>) -> Eight<Receiver> {
-    Eight::<Receiver> {
-        position: points.position,
-        normal: points.shading.geometric,
-        time: times,
-    }
+        shading.sample(drawn.x, drawn.y, 0.0)
+    })
 }
 
 /// Looks at few emitters from points ([`EmitterLists::look`]): leaves their probabilities in `room`.
@@ -197,32 +166,22 @@ pub(super) fn look(emitters: &EmitterLists, at: &Eight<Receiver>, room: &mut [Ei
 /// What one emitter brings to points.
 #[inline(always)]
 fn brings(emitters: &EmitterLists, k: u32, at: Eight<Receiver>) -> Eight<f32> {
-    let mut out = [0.0; LANES];
     if emitters.is_light(k) {
-        for i in 0..LANES {
-            out[i] = emitters.brings(k, &Receiver::get(&at, i));
-        }
-    } else {
-        let (at_rest, velocity) = (emitters.at_rest(k), emitters.velocity(k));
-        for i in 0..LANES {
-            let at = Receiver::get(&at, i);
-            out[i] = at_rest.moved(velocity * at.time).angle(at.position);
-        }
-        let brightness = emitters.brightness[k as usize];
-        for i in 0..LANES {
-            out[i] *= brightness;
-        }
+        return each_lane!(f32, |i| emitters.brings(k, &Receiver::get(&at, i)));
     }
-    out
+    let (at_rest, velocity) = (emitters.at_rest(k), emitters.velocity(k));
+    let angles = each_lane!(f32, |i| {
+        let at = Receiver::get(&at, i);
+        at_rest.moved(velocity * at.time).angle(at.position)
+    });
+    let brightness = emitters.brightness[k as usize];
+    each_lane!(f32, |i| angles[i] * brightness)
 }
 
 /// Chooses one of few emitters for each random number.
 #[inline(always)]
 pub(super) fn choose(numbers: Eight<f32>, room: &[Eight<f32>]) -> Eight<Chosen> {
-    let mut choosing = Eight::<Choosing>::default();
-    for i in 0..LANES {
-        Choosing::begin().set(&mut choosing, i);
-    }
+    let mut choosing = each_lane!(Choosing, |_i| Choosing::begin());
     for (k, &chances) in room.iter().enumerate() {
         for i in 0..LANES {
             let mut own = Choosing::get(&choosing, i);
@@ -230,22 +189,13 @@ pub(super) fn choose(numbers: Eight<f32>, room: &[Eight<f32>]) -> Eight<Chosen> 
             own.set(&mut choosing, i);
         }
     }
-    let mut out = Eight::<Chosen>::default();
-    for i in 0..LANES {
-        let chosen = Choosing::get(&choosing, i).end(numbers[i]);
-        chosen.set(&mut out, i);
-    }
-    out
+    each_lane!(Chosen, |i| Choosing::get(&choosing, i).end(numbers[i]))
 }
 
 /// Points of emitters, by what is left of the numbers that chose these, and another.
 #[inline(always)]
 pub(super) fn uniform_points(u: Eight<f32>, v: Eight<f32>) -> Eight<V2> {
-    let mut out = Eight::<V2>::default();
-    for i in 0..LANES {
-        uniform_point(u[i], v[i]).set(&mut out, i);
-    }
-    out
+    each_lane!(V2, |i| uniform_point(u[i], v[i]))
 }
 
 /// The triangles of a few emitters that were chosen.
@@ -261,10 +211,8 @@ pub(super) fn chosen_triangles(
         for i in 0..LANES {
             // A factor in place of a condition: loads under one are not made vector instructions of.
             let own = if chosen[i] == k { 1.0 } else { 0.0 };
-            let (to, on) = (
-                EmitterTriangle::get(&out, i),
-                at_rest.moved(velocity * times[i]),
-            );
+            let to = EmitterTriangle::get(&out, i);
+            let on = at_rest.moved(velocity * times[i]);
             let sum = EmitterTriangle {
                 a: to.a + on.a * own,
                 b: to.b + on.b * own,
@@ -285,13 +233,10 @@ pub(super) fn lights(
     radiances: Eight<V3>,
     throughputs: Eight<V3>,
 ) -> Eight<V3> {
-    let mut out = Eight::<V3>::default();
-    for i in 0..LANES {
+    each_lane!(V3, |i| {
         let (radiance, throughput) = (V3::get(&radiances, i), V3::get(&throughputs, i));
-        let light = brought(&Connection::get(&found, i), radiance, throughput);
-        light.set(&mut out, i);
-    }
-    out
+        brought(&Connection::get(&found, i), radiance, throughput)
+    })
 }
 
 /// The light that a connection brings to the path of a point.

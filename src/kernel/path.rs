@@ -158,7 +158,10 @@ fn leave_cameras<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut 
             }
             middle.set(&mut middles, lane);
         }
-        let places = eights::filter_points(&of.filter.table, drawn.x, drawn.y);
+        let places = Eight::<V2> {
+            x: eights::filter_of(&of.filter.table, drawn.x),
+            y: eights::filter_of(&of.filter.table, drawn.y),
+        };
         let rays = eights::camera_rays(of.camera, middles, places, lens);
         for lane in lanes {
             let (origin, direction) = (V3::get(&rays.origin, lane), V3::get(&rays.direction, lane));
@@ -352,10 +355,8 @@ fn leave_surfaces<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, last: bool, w
             if left.goes_on[lane % LANES] {
                 level.ways[lane] = Way::On;
                 work.lanes.push(lane as u32);
-                let (start, direction) = (
-                    V3::get(&left.start, lane),
-                    V3::get(&left.bend.direction, lane),
-                );
+                let start = V3::get(&left.start, lane);
+                let direction = V3::get(&left.bend.direction, lane);
                 let time = of.time(level, lane);
                 let ray = HitRay::new(start, direction, time, f32::INFINITY);
                 work.rays.push(ray);
