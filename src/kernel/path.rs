@@ -21,18 +21,11 @@ impl PathBlock<'_> {
         let count = self.paths.len();
         walks.clear(count);
         leave_cameras(self, walks, work);
-        self.find_hits::<false>(work);
+        self.find_hits::<false, false>(work);
         work.counts.rays += count as u64;
         work.counts.add_bounces_at(0, count);
         begin(self, walks, work);
         self.reflected(walks, work);
-    }
-
-    /// The hits of all rays.
-    fn find_hits<const ANY: bool>(&self, work: &mut Work) {
-        let (scene, hits) = (&self.scene, &mut work.hits);
-        let holes = scene.holes.as_deref();
-        (scene.hierarchy).hits::<ANY, false>(self.arch, holes, &work.rays, hits);
     }
 
     /// Adds the light that the surface points of the first level reflect towards the points that see them, times their
@@ -59,12 +52,12 @@ impl PathBlock<'_> {
                 paths.for_each(|path| walks.list[path as usize].rays += 1);
             }
             if last {
-                self.find_hits::<true>(work);
+                self.find_hits::<true, false>(work);
                 escape(self, level, &mut walks.list, work);
                 return;
             }
             self.bounce += 1;
-            self.find_hits::<false>(work);
+            self.find_hits::<false, false>(work);
             work.counts.add_bounces_at(self.bounce, work.rays.len());
             let next = if self.kept.levels { at + 1 } else { 1 - at };
             let mut to = std::mem::take(walks.level(next));
@@ -97,7 +90,7 @@ impl PathBlock<'_> {
         if self.features.gathers_map {
             direct_from_map(self, level, last, work);
         }
-        self.find_hits::<true>(work);
+        self.find_hits::<true, false>(work);
         work.counts.rays += work.rays.len() as u64;
         if self.kept.counts {
             let paths = work.candidates.iter().map(|candidate| candidate.path);
@@ -196,20 +189,18 @@ fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
         list, levels, film, ..
     } = walks;
     let first = &mut levels[0];
-    let mut rays = std::mem::take(&mut work.arriving);
-    rays.clear();
+    work.arriving.clear();
     for (i, (hit, ray)) in work.hits.iter().zip(&work.rays).enumerate() {
         if hit.triangle == NOTHING {
             list[i].light.radiance = sky(lists, ray.direction.into());
         } else {
-            rays.push(i as u32);
+            work.arriving.push(i as u32);
             let drawn = film.get(i);
             first.emitters.set(first.len(), v2(drawn.z, drawn.w));
             first.add(i as u32, i as u32, V3::ONE);
         }
     }
-    points(of, first, &rays, work);
-    work.arriving = rays;
+    points(of, first, work);
     for (lane, &path) in first.paths.iter().enumerate() {
         let (walk, point) = (&mut list[path as usize], first.points.get(lane));
         walk.see(&point);
@@ -217,15 +208,15 @@ fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
     }
 }
 
-/// Finds the points that rays hit, one for each lane of a level.
+/// Finds the points that arriving rays hit, one for each lane of a level.
 #[inline(always)]
-fn points(of: &PathBlock, level: &mut Level, rays: &[u32], work: &Work) {
+fn points(of: &PathBlock, level: &mut Level, work: &Work) {
     let lists = &of.lists;
     let plain = lists.features.plain_points();
     for first in (0..level.len()).step_by(LANES) {
         let lanes = first..level.len().min(first + LANES);
         let hit_of = |lane: usize| {
-            let k = rays[lane] as usize;
+            let k = work.arriving[lane] as usize;
             (work.hits[k], &work.rays[k])
         };
         if !plain {
@@ -369,11 +360,10 @@ fn leave_surfaces<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, last: bool, w
 #[apply(stage!)]
 fn arrive<'a>(of: &'a PathBlock<'a>, from: &'a Level, to: &'a mut Level, work: &'a mut Work) {
     to.clear(work.rays.len());
-    let mut rays = std::mem::take(&mut work.arriving);
-    rays.clear();
+    work.arriving.clear();
     for (k, (&lane, hit)) in work.lanes.iter().zip(&work.hits).enumerate() {
         if hit.triangle != NOTHING {
-            rays.push(k as u32);
+            work.arriving.push(k as u32);
             let from_lane = lane as usize;
             let numbers = from.numbers.get(from_lane);
             to.emitters.set(to.len(), v2(numbers.z, numbers.w));
@@ -381,8 +371,7 @@ fn arrive<'a>(of: &'a PathBlock<'a>, from: &'a Level, to: &'a mut Level, work: &
             to.add(from.paths[from_lane], lane, throughput);
         }
     }
-    points(of, to, &rays, work);
-    work.arriving = rays;
+    points(of, to, work);
 }
 
 /// Adds the light of the environment where rays hit nothing.

@@ -9,6 +9,7 @@ use super::gradient::HostSums;
 use super::view::{Tracer, View};
 use super::walk::{Kept, Path, PathBlock, Paths, RUN, Seen, TOGETHER, Walks, Work};
 use crate::accel::stage;
+use crate::trace::exposure;
 
 /// What is counted of pixels, if it is not `None`.
 #[derive(Default)]
@@ -37,7 +38,7 @@ impl View {
             for (k, walks) in walks.list.chunks(each).enumerate() {
                 let i = first + k;
                 for walk in walks {
-                    walk.add_to(&mut all[i]);
+                    all[i].add(&walk.light, 1.0);
                     if let Some(objects) = &mut counted.objects {
                         self.count_object(i, walk.seen, objects);
                     }
@@ -66,7 +67,13 @@ impl View {
         for (block, pixels) in pixels.chunks(together).enumerate() {
             for samples in runs_of(&samples) {
                 begin_paths(&tracer, pixels, samples.clone(), &mut paths);
-                let mut of = PathBlock::new(&tracer, &paths, kept);
+                let mut of = PathBlock {
+                    tracer: &tracer,
+                    paths: &paths.list,
+                    cones: &paths.cones,
+                    bounce: 0,
+                    kept,
+                };
                 of.camera_walks(&mut walks, work);
                 act(block * together, samples.len(), of, &walks, work);
             }
@@ -75,14 +82,10 @@ impl View {
 
     /// The mean of how much a loss depends on the radiance of a pixel, over those that it depends on.
     pub fn typical(pixels: &[(u32, Seen)]) -> f32 {
-        let (mut sum, mut count) = (0.0, 0u32);
-        for (_, g) in pixels {
-            let own = f64::from(g.radiance.abs().element_sum());
-            if own > 0.0 && own.is_finite() {
-                sum += own;
-                count += 1;
-            }
-        }
+        let all = pixels.iter();
+        let all = all.map(|(_, g)| f64::from(g.radiance.abs().element_sum()));
+        let asked = all.filter(|own| *own > 0.0 && own.is_finite());
+        let (sum, count) = asked.fold((0.0, 0u32), |(sum, count), own| (sum + own, count + 1));
         (sum / f64::from(count.max(1))) as f32
     }
 
@@ -99,38 +102,32 @@ impl View {
         let sums = &sums.sums();
         let asked = pixels.iter().filter(|p| p.1 != Seen::default());
         let (pixels, gradients): (Vec<u32>, Vec<&Seen>) = asked.map(|(i, g)| (*i, g)).unzip();
-        self.each_block(
-            &pixels,
-            samples,
-            Kept::LEVELS,
-            work,
-            |first, each, of, walks, work| {
-                let of_paths = (0..of.paths.len()).map(|k| gradients[first + k / each]);
-                let upstream: Vec<&Seen> = of_paths.collect();
-                let back = Return {
-                    of,
-                    walks,
-                    upstream: &upstream,
-                    typical,
-                    sums,
-                };
-                back.go_back(work);
-            },
-        );
+        let kept = Kept {
+            levels: true,
+            ..Kept::default()
+        };
+        let go_back = |first: usize, each: usize, of: PathBlock, walks: &Walks, work: &mut Work| {
+            let of_paths = (0..of.paths.len()).map(|k| gradients[first + k / each]);
+            let upstream: Vec<&Seen> = of_paths.collect();
+            let back = Return {
+                of,
+                walks,
+                upstream: &upstream,
+                typical,
+                sums,
+            };
+            back.go_back(work);
+        };
+        self.each_block(&pixels, samples, kept, work, go_back);
     }
 
     /// Counts an object that a ray of the i-th pixel hit; the last is the background.
     fn count_object(&self, i: usize, triangle: u32, objects: &mut [f32]) {
         let lists = &self.scene.lists;
         let width = lists.counted.len() + 1;
-        let k = match lists.triangles.get(triangle as usize) {
-            Some(&[_, object, ..]) => {
-                let found = lists.counted.binary_search(&(object as usize));
-                found.unwrap_or(width - 1)
-            }
-            None => width - 1,
-        };
-        objects[i * width + k] += 1.0;
+        let hit = lists.triangles.get(triangle as usize);
+        let found = hit.and_then(|words| lists.counted.binary_search(&(words[1] as usize)).ok());
+        objects[i * width + found.unwrap_or(width - 1)] += 1.0;
     }
 }
 
@@ -161,7 +158,7 @@ fn begin_paths<'a>(
         for i in 0..samples.len() as u32 {
             let numbers = numbers.after(i);
             list.push(Path {
-                time: tracer.time(&numbers),
+                time: exposure(&tracer.lists, &numbers).time,
                 cones: list.len() as u32,
                 numbers,
             });

@@ -6,12 +6,13 @@ use std::sync::{Arc, Once};
 use super::edges::{EdgeSets, ROOM};
 use super::gradient::Wanted;
 use super::scene::KernelScene;
+use super::walk::Work;
 use crate::model::camera::{Camera, HostCamera};
 use crate::model::filter::PixelFilter;
 use crate::model::integers::Wide;
-use crate::sampling::{EmitterGroup, EmitterLists, Sampler, Stream, points};
+use crate::sampling::{EmitterGroup, EmitterLists, Sampler, points};
 use crate::scene::ParameterId;
-use crate::trace::{Features, NONE, OF_CONES, OF_PATHS, PURPOSES, Scene, emitters_of, exposure};
+use crate::trace::{Features, NONE, OF_CONES, OF_PATHS, PURPOSES, Scene, emitters_of};
 
 /// A scene as a camera sees it, with the settings of a render.
 pub(crate) struct View {
@@ -50,10 +51,11 @@ pub(super) struct Tracer<'a> {
 }
 
 impl Tracer<'_> {
-    /// The time of a path in the shutter.
-    #[inline(always)]
-    pub fn time(&self, numbers: &Stream) -> f32 {
-        exposure(&self.lists, numbers).time
+    /// The hits of all rays; with `SELECT` of triangles that these see.
+    pub fn find_hits<const ANY: bool, const SELECT: bool>(&self, work: &mut Work) {
+        let (scene, hits) = (&self.scene, &mut work.hits);
+        let holes = scene.holes.as_deref();
+        (scene.hierarchy).hits::<ANY, SELECT>(self.arch, holes, &work.rays, hits);
     }
 }
 
@@ -92,9 +94,9 @@ impl View {
     ) -> Self {
         let mut model = camera.model(&scene.frame, settings.width, settings.height);
         model.filter = filter.cone_radius();
+        let has_edges = |sets: &Arc<EdgeSets>| sets.seen_by(true).count > 0;
         let mut view = Self {
             host_camera: camera,
-        let has_edges = |sets: &Arc<EdgeSets>| sets.seen_by(true).count > 0;
             camera: model,
             filter,
             cone: settings.cone as f32,

@@ -56,13 +56,6 @@ pub(super) struct Kept {
     pub counts: bool,
 }
 
-impl Kept {
-    pub const LEVELS: Self = Self {
-        levels: true,
-        counts: false,
-    };
-}
-
 impl<'a> Deref for PathBlock<'a> {
     type Target = Tracer<'a>;
 
@@ -73,17 +66,6 @@ impl<'a> Deref for PathBlock<'a> {
 }
 
 impl<'a> PathBlock<'a> {
-    /// Paths from the camera.
-    pub fn new(tracer: &'a Tracer<'a>, paths: &'a Paths, kept: Kept) -> Self {
-        Self {
-            tracer,
-            paths: &paths.list,
-            cones: &paths.cones,
-            bounce: 0,
-            kept,
-        }
-    }
-
     /// The path of a lane.
     #[inline(always)]
     pub fn path(&self, level: &Level, lane: usize) -> &'a Path {
@@ -120,12 +102,6 @@ impl Walk {
         self.light.depth = point.distance;
         self.light.normal = point.shading.geometric;
     }
-
-    /// Adds the surface that the camera ray saw and the light that the path brought back.
-    #[inline(always)]
-    pub fn add_to(&self, seen: &mut Seen) {
-        seen.add(&self.light, 1.0);
-    }
 }
 
 /// Paths that go together.
@@ -157,20 +133,10 @@ impl Walks {
         self.depth = 1;
     }
 
-    /// A path comes to its first surface point.
-    #[inline(always)]
-    pub fn begin_at(&mut self, path: usize, point: &Point) {
-        self.list[path].see(point);
-        let first = &mut self.levels[0];
-        first.points.set(first.len(), *point);
-        first.add(path as u32, path as u32, V3::ONE);
-    }
-
     /// A level, after those before it.
     pub fn level(&mut self, index: usize) -> &mut Level {
-        while self.levels.len() <= index {
-            self.levels.push(Level::default());
-        }
+        let room = self.levels.len().max(index + 1);
+        self.levels.resize_with(room, Level::default);
         &mut self.levels[index]
     }
 }
@@ -300,9 +266,7 @@ impl RayCounts {
     pub fn add(&mut self, o: &Self) {
         self.rays += o.rays;
         let reached = o.bounces.iter().rposition(|&b| b > 0).map_or(0, |r| r + 1);
-        if self.bounces.len() < reached {
-            self.bounces.resize(reached, 0);
-        }
+        self.bounces.resize(self.bounces.len().max(reached), 0);
         for (a, b) in self.bounces.iter_mut().zip(&o.bounces) {
             *a += b;
         }
@@ -331,8 +295,6 @@ pub(crate) struct Work {
     /// Paths on both sides of edges.
     pub(super) side_walks: Walks,
     pub(super) side_lights: Vec<Option<Seen>>,
-    pub(super) side_rays: Vec<HitRay>,
-    pub(super) side_hits: Vec<Hit>,
     pub(super) back: Back,
     pub(crate) counts: RayCounts,
 }

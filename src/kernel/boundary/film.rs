@@ -117,19 +117,12 @@ impl View {
             pixels,
             count,
         };
-        let mut from = range.start;
-        while from < range.end {
+        for from in range.clone().step_by(TOGETHER) {
             let past = range.end.min(from.saturating_add(TOGETHER as u32));
             let asked = draw(&tracer, &film, from..past);
-            let Asked {
-                approaches,
-                paths,
-                cones,
-                ..
-            } = &asked;
-            light_beside(&tracer, approaches, (paths, cones), Some(0), true, work);
+            let paths = (&*asked.paths, &*asked.cones);
+            light_beside(&tracer, &asked.approaches, paths, Some(0), true, work);
             backward(&tracer, &asked, work, &sums);
-            from = past;
         }
     }
 }

@@ -7,14 +7,14 @@ use crate::kernel::backward::Return;
 use crate::kernel::edges::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
 use crate::kernel::eights::Eight;
 use crate::kernel::path::{draw_emitters, drawn_by};
-use crate::kernel::view::{Tracer, View};
+use crate::kernel::view::Tracer;
 use crate::kernel::walk::{Back, Kept, Level, Path, PathBlock, Walks, Work};
 use crate::lanes::{LANES, Record};
-use crate::model::Pair;
 use crate::model::bsdf::normals_differ;
 use crate::model::choice::{Uniform, decided_by};
 use crate::model::edge_weight::Query;
 use crate::model::jumps::{SEARCH_SETS, counts_of, searches};
+use crate::model::{Pair, V3};
 use crate::sampling::{Dimensions, Four, Stream};
 use crate::trace::{
     Approach, EdgeView, Jump, OF_EDGES, OF_SIDES, Observer, Point, Search, Seen, beside,
@@ -78,13 +78,13 @@ impl Return<'_> {
         work: &mut Work,
     ) {
         let [reflections, shadows] = find_jumps(self, level, bounce, back, work);
-        work.side_rays.clear();
+        work.rays.clear();
         for found in &shadows {
             let time = self.path(level, found.lane).time;
             let ray = found.approach().ray(time, found.jump.limit);
-            work.side_rays.push(ray);
+            work.rays.push(ray);
         }
-        find_beside::<true>(self, work);
+        self.find_hits::<true, true>(work);
         shadows_backward(self, &shadows, back, work);
         let approaches: Vec<Approach> = reflections.iter().map(Found::approach).collect();
         let sides = sampler(&self.lists, OF_SIDES);
@@ -103,13 +103,6 @@ impl Return<'_> {
     }
 }
 
-/// The hits of rays past edges.
-fn find_beside<const ANY: bool>(view: &View, work: &mut Work) {
-    let holes = view.scene.holes.as_deref();
-    let (rays, hits) = (&work.side_rays, &mut work.side_hits);
-    (view.scene.hierarchy).hits::<ANY, true>(view.arch, holes, rays, hits);
-}
-
 /// Finds the light beside points of edges, of paths that begin there at a bounce if they go on; with `film` what the
 /// camera sees of it. None where something hides the edge.
 pub(super) fn light_beside(
@@ -120,12 +113,12 @@ pub(super) fn light_beside(
     film: bool,
     work: &mut Work,
 ) {
-    work.side_rays.clear();
+    work.rays.clear();
     for (approach, path) in approaches.iter().zip(paths) {
         let ray = approach.ray(path.time, f32::INFINITY);
-        work.side_rays.push(ray);
+        work.rays.push(ray);
     }
-    find_beside::<false>(tracer, work);
+    tracer.find_hits::<false, true>(work);
     let mut walks = std::mem::take(&mut work.side_walks);
     walks.clear(WALKS * approaches.len());
     begin_beside(tracer, approaches, paths, film, &mut walks, work);
@@ -294,7 +287,7 @@ fn draw<'a>(
 /// Adds the derivatives by jumps of the light of emitters, where nothing else hides it.
 #[apply(stage!)]
 fn shadows_backward<'a>(to: &'a Return<'a>, list: &'a [Found], back: &'a mut Back, work: &'a Work) {
-    for (f, (ray, hit)) in list.iter().zip(work.side_rays.iter().zip(&work.side_hits)) {
+    for (f, (ray, hit)) in list.iter().zip(work.rays.iter().zip(&work.hits)) {
         if hit.triangle == NOTHING {
             let (o, s, by) = (&f.observer, &f.search, &mut back.points[f.lane]);
             shadow_backward(&to.lists, to.sums, o, s, &f.view, &f.jump, ray.time, by);
@@ -333,7 +326,7 @@ fn begin_beside<'a>(
     let lists = &tracer.lists;
     work.side_lights.clear();
     for (i, (approach, path)) in approaches.iter().zip(paths).enumerate() {
-        let (hit, p) = (work.side_hits[i], &approach.point);
+        let (hit, p) = (work.hits[i], &approach.point);
         let hidden = hides(lists, &hit, p, path.time);
         work.side_lights.push((!hidden).then_some(Seen::default()));
         if hidden {
@@ -362,12 +355,15 @@ fn begin_beside<'a>(
             }
         }
         for k in 0..count {
-            let point = &mut points[k % 2];
+            let (own, point) = (WALKS * i + k, &mut points[k % 2]);
             if let Some(point) = point {
                 point.shading.mirrored = k >= 2;
-                walks.begin_at(WALKS * i + k, point);
+                walks.list[own].see(point);
+                let first = &mut walks.levels[0];
+                first.points.set(first.len(), *point);
+                first.add(own as u32, own as u32, V3::ONE);
             }
-            let walk = &mut walks.list[WALKS * i + k];
+            let walk = &mut walks.list[own];
             match point {
                 Some(point) if film => walk.light.radiance = emitted(lists, point),
                 None if film || tracer.features.sees_sky => {
