@@ -234,7 +234,7 @@ fn points(of: &PathBlock, level: &mut Level, work: &Work) {
             let (origin, direction) = (V3::from(ray.origin), V3::from(ray.direction));
             let hit = hit_triangle(lists, triangle, t, direction);
             if lists.features.moves {
-                let shift = lists.displacement(hit.object, ray.time);
+                let shift = lists.shift(triangle, ray.time);
                 shift.set(&mut shifts, lane);
             }
             lists.plane(triangle).set(&mut planes, lane);

@@ -253,22 +253,12 @@ impl<'a> Scene<'a> {
         self.of_materials[(MATERIAL * material) as usize]
     }
 
-    /// The vector by which an object has moved at a time in the shutter.
-    #[inline(always)]
-    pub fn displacement(&self, object: u32, time: f32) -> V3 {
-        let mut shift = splat(0.0);
-        if comptime!(self.features.moves) {
-            shift = vector(self.velocities, 3 * object) * time;
-        }
-        shift
-    }
-
     /// The vector by which a triangle has moved at a time in the shutter.
     #[inline(always)]
     pub fn shift(&self, triangle: u32, time: f32) -> V3 {
         let mut shift = splat(0.0);
         if comptime!(self.features.moves) {
-            shift = self.displacement(self.object_of(triangle), time);
+            shift = vector(self.velocities, 3 * self.object_of(triangle)) * time;
         }
         shift
     }

@@ -164,7 +164,7 @@ pub(crate) fn point_at(
     time: f32,
 ) -> Point {
     let hit = hit_triangle(scene, triangle, distance, direction);
-    let shift = scene.displacement(hit.object, time);
+    let shift = scene.shift(triangle, time);
     let tri = scene.triangle(triangle);
     let on = on_plane(&tri.plane(), shift, near, direction);
     let mut p = plain_point(&on, &hit);
