@@ -47,6 +47,13 @@ pub(crate) struct Connection {
     pub scale: f32,
 }
 
+/// Light that was seen: f·cos θ at the surface, and the divisor of the sample.
+#[apply(zeroed!)]
+pub(crate) struct Arrived {
+    pub reflected: V3,
+    pub density: f32,
+}
+
 /// None, of a point.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
@@ -160,19 +167,19 @@ impl Target {
     pub fn backward(
         &self,
         shading: &Shading,
-        reflected: V3,
-        density: f32,
+        arrived: Arrived,
         g: V3,
         throughput: V3,
         by: &mut ShadingGradient,
     ) -> TargetGradient {
-        let scale = self.angle / density;
+        let reflected = arrived.reflected;
+        let scale = self.angle / arrived.density;
         let carried = g.times(throughput);
         let by_reflected = carried.times(self.radiance) * scale;
         TargetGradient {
             throughput: g.times(reflected).times(self.radiance) * scale,
             direction: shading.evaluate_backward(self.direction, by_reflected, by),
-            angle: carried.times(reflected).dot(self.radiance) / density,
+            angle: carried.times(reflected).dot(self.radiance) / arrived.density,
             radiance: carried.times(reflected) * scale,
         }
     }

@@ -8,6 +8,7 @@ use super::scene::{OF_GROUP, Scene};
 use super::sums::{Sums, add_to_light};
 use super::surface::{Point, PointGradient};
 use super::texture::{sky, sky_backward};
+pub(crate) use crate::model::connection::Arrived;
 use crate::model::connection::Target;
 use crate::model::emitter::LightPoint;
 use crate::model::{V2, V3, v2, v3};
@@ -156,13 +157,6 @@ pub(crate) fn radiance_of(scene: &Scene, k: u32, weights: V2, cosine: f32) -> V3
     radiance
 }
 
-/// Light that was seen: f·cos θ at the surface, and the divisor of the sample.
-#[apply(zeroed!)]
-pub(crate) struct Arrived {
-    pub reflected: V3,
-    pub density: f32,
-}
-
 /// Back over light from a point of an emitter, which stays where it is on it, or from a delta light; returns the
 /// derivative by the throughput.
 #[cfg_attr(feature = "wgpu", cube)]
@@ -180,17 +174,9 @@ pub(crate) fn light_backward(
     g: V3,
     by: &mut PointGradient,
 ) -> V3 {
-    let shading = point.shading;
     let mut target = target;
     target.radiance = radiance_of(scene, k, weights, target.facing());
-    let found = target.backward(
-        &shading,
-        arrived.reflected,
-        arrived.density,
-        g,
-        throughput,
-        &mut by.shading,
-    );
+    let found = target.backward(&point.shading, arrived, g, throughput, &mut by.shading);
     let emitters = emitters_of(scene);
     if emitters.is_light(k) {
         if comptime!(scene.features.of_emitters.lights) {
@@ -246,14 +232,7 @@ pub(crate) fn map_backward(
 ) -> V3 {
     let mut target = target;
     target.radiance = sky(scene, target.direction);
-    let found = target.backward(
-        &point.shading,
-        arrived.reflected,
-        arrived.density,
-        g,
-        throughput,
-        &mut by.shading,
-    );
+    let found = target.backward(&point.shading, arrived, g, throughput, &mut by.shading);
     if comptime!(sums.of.sky) {
         sky_backward(scene, sums, target.direction, found.radiance);
     }
