@@ -270,12 +270,7 @@ pub(crate) fn shadow_backward(
             let seen = delta.seen_from(o.point.position);
             let found = delta.backward(&seen, 0.0f32, by_axis);
             by.position -= found.position;
-            let i = s.first - scene.emissive_count;
-            if comptime!(sums.of.lights) {
-                if scene.wanted_lights[i as usize] != 0 {
-                    add_to_light(sums, i, &found, splat(0.0));
-                }
-            }
+            add_to_light(scene, sums, s.first, &found, splat(0.0));
         }
     } else {
         // The axis points to a point of the light, which stays where it is on it.

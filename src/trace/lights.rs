@@ -184,10 +184,7 @@ pub(crate) fn light_backward(
             let seen = light.seen_from(point.position);
             let by_light = light.backward(&seen, found.angle, found.direction);
             by.position -= by_light.position;
-            let i = k - scene.emissive_count;
-            if comptime!(sums.of.lights) && scene.wanted_lights[i as usize] != 0 {
-                add_to_light(sums, i, &by_light, found.radiance);
-            }
+            add_to_light(scene, sums, k, &by_light, found.radiance);
         }
     } else {
         let triangle = scene.emitters[k as usize];

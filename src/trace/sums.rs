@@ -4,9 +4,9 @@ use std::cell::Cell;
 
 use super::Derivatives;
 use super::parts::{CAMERAS, LIGHTS, OF_LIGHT};
+use super::scene::Scene;
 #[cfg(feature = "wgpu")]
 use super::totals::{Totals, TotalsExpand};
-#[cfg(feature = "wgpu")]
 use crate::cube::*;
 use crate::model::V3;
 use crate::model::camera::CameraGradient;
@@ -62,16 +62,19 @@ pub(crate) fn sums_of<'a>(totals: Totals<'a>) -> Sums<'a> {
     intrinsic!(|_| totals)
 }
 
-/// Adds the derivatives by a delta light.
+/// Adds the derivatives by the delta light that an emitter is, if they are asked for; g is that by its strength.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn add_to_light(sums: &Sums, light: u32, by: &DeltaGradient, by_strength: V3) {
-    let first = OF_LIGHT * light;
-    sums.add_vector(first, by.position, LIGHTS);
-    sums.add_vector(first + 3, by.axis, LIGHTS);
-    sums.add_vector(first + 6, by_strength, LIGHTS);
-    sums.add(first + 9, by.cos_inner, LIGHTS);
-    sums.add(first + 10, by.cos_outer, LIGHTS);
+pub(crate) fn add_to_light(scene: &Scene, sums: &Sums, k: u32, by: &DeltaGradient, g: V3) {
+    let light = k - scene.emissive_count;
+    if comptime!(sums.of.lights) && scene.wanted_lights[light as usize] != 0 {
+        let first = OF_LIGHT * light;
+        sums.add_vector(first, by.position, LIGHTS);
+        sums.add_vector(first + 3, by.axis, LIGHTS);
+        sums.add_vector(first + 6, g, LIGHTS);
+        sums.add(first + 9, by.cos_inner, LIGHTS);
+        sums.add(first + 10, by.cos_outer, LIGHTS);
+    }
 }
 
 /// Adds the derivatives by the camera of some paths.
