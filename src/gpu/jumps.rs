@@ -92,7 +92,7 @@ pub(super) fn jumps_seen_from(
             let e: EdgeView = edge_view(scene, &o, &s, p);
             let mut k = e.first;
             while k < e.past {
-                let jump: Jump = jump_at(scene, &o, &s, &e, k, time);
+                let jump: Jump = jump_at(scene, &o, &s, &e, k);
                 if jump.limit > 0.0 {
                     add_jump(scene, memory, sums, path, &o, &s, &e, &jump, of_light, by);
                 }

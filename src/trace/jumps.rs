@@ -92,6 +92,48 @@ impl EdgeView {
             sides,
         }
     }
+
+    /// The point of an emitter that the axis hits, behind the edge's point.
+    #[inline(always)]
+    fn light_behind(&self, scene: &Scene, s: &Search, hit: &EmitterHit, past: V3) -> LightBehind {
+        let k = hit.emitter;
+        let mut found = LightBehind::default();
+        found.triangle = scene.emitters[k as usize];
+        found.distance = hit.distance;
+        found.weights = of_corners(hit.weights);
+        let normal = emitters_of(scene).triangle(k, s.query.time).normal;
+        let place = s.query.x + self.axis * hit.distance;
+        found.limit = up_to_plane(self.start, past, normal, place);
+        let dark = self.point.faces.contains(found.triangle);
+        let near = self.point.to.length() >= found.limit;
+        if dark || near || scene.is_open(found.triangle, found.weights) {
+            found.limit = -1.0f32;
+        }
+        let cosine = -normal.dot(self.axis);
+        found.emission = emission_at(scene, found.triangle, found.weights, cosine);
+        found
+    }
+
+    /// A delta light behind the edge's point that rays bent about the direction to it come to. Its direction is fixed, so
+    /// the integral over directions reduces to the cone's density at that direction about the edge's.
+    #[inline(always)]
+    fn delta_behind(&self, scene: &Scene, s: &Search, bent: &Bend, past: V3) -> LightBehind {
+        let to = self.point.to;
+        let target = target_of(scene, s.first, v2(0.0, 0.0), s.query.x, s.query.time, false);
+        let mut image = to;
+        if bent.mirrored {
+            image = mirrored(to, self.outer);
+        }
+        let density = cone_density(bent.direction, image, scene.settings[CONE]);
+        let mut found = LightBehind::default();
+        let radiance = radiance_of(scene, s.first, v2(0.0, 0.0), target.facing());
+        found.emission = radiance * (target.angle * density);
+        found.limit = target.limit(self.start, past);
+        if found.emission.is_zero() || to.dot(self.outer) <= 0.0 || to.length() >= found.limit {
+            found.limit = -1.0f32;
+        }
+        found
+    }
 }
 
 /// A light that lies along an axis behind an edge's point.
@@ -103,16 +145,6 @@ pub(crate) struct LightBehind {
     weights: V3,
     emission: V3,
     triangle: u32,
-}
-
-/// Where no light is looked for: a ray has no end.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-fn no_light() -> LightBehind {
-    let mut none = LightBehind::default();
-    none.limit = f32::MAX;
-    none.distance = 1.0f32;
-    none
 }
 
 /// A jump at an edge, and the ray that says what is behind it: from where the view starts along `sides.past`.
@@ -130,16 +162,9 @@ pub(crate) struct Jump {
 /// The jump of the light of the k-th emitter, or of reflected light.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn jump_at(
-    scene: &Scene,
-    o: &Observer,
-    s: &Search,
-    e: &EdgeView,
-    k: u32,
-    time: f32,
-) -> Jump {
+pub(crate) fn jump_at(scene: &Scene, o: &Observer, s: &Search, e: &EdgeView, k: u32) -> Jump {
     let p = e.point;
-    let x = o.point.position;
+    let time = s.query.time;
     let mut bent = e.around;
     let mut normal = o.point.shading.geometric;
     let mut there = true;
@@ -151,17 +176,20 @@ pub(crate) fn jump_at(
         bent.direction = e.axis;
     } else if s.of_light {
         if comptime!(scene.features.emitters) {
-            hit = emitters_of(scene).hit(k, x, e.axis, time);
+            hit = emitters_of(scene).hit(k, s.query.x, e.axis, time);
             there = hit.emitter != NONE;
         }
     }
     let motion = direction_jump(p.to, p.along, &bent, normal);
+    let mut light = LightBehind::default();
+    // Where no light is looked for a ray has no end.
+    light.limit = f32::MAX;
     let mut jump = Jump {
         motion,
         sides: Sides::new(p.along, e.view, motion.side),
         limit: (-1.0f32).runtime(),
         sign: 1.0f32.runtime(),
-        light: no_light(),
+        light,
     };
     if there {
         jump.sides = sides(scene, &p, e.view, motion.side, time);
@@ -173,79 +201,20 @@ pub(crate) fn jump_at(
         if comptime!(scene.features.emitters) {
             if s.is_light {
                 if comptime!(scene.features.of_emitters.lights) {
-                    jump.light = delta_behind(scene, s.first, e, &bent, jump.sides.past, x, time);
+                    jump.light = e.delta_behind(scene, s, &bent, jump.sides.past);
                 }
             } else if s.of_light {
-                jump.light = light_behind(scene, e, &hit, jump.sides.past, x, k, time);
+                jump.light = e.light_behind(scene, s, &hit, jump.sides.past);
             }
         }
         jump.limit = jump.light.limit;
         // Light passes on one side or on none; at the end of a path only the environment is seen.
-        if s.of_light && ((on_minus && on_plus) || (!on_minus && !on_plus)) {
-            jump.limit = -1.0f32;
-        }
-        if !s.of_light && o.bounce >= scene.bounces && on_minus && on_plus {
+        let dark = s.of_light || o.bounce >= scene.bounces;
+        if (dark && on_minus && on_plus) || (s.of_light && !on_minus && !on_plus) {
             jump.limit = -1.0f32;
         }
     }
     jump
-}
-
-/// The point of an emitter that the axis of an edge's view hits.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-fn light_behind(
-    scene: &Scene,
-    e: &EdgeView,
-    hit: &EmitterHit,
-    past: V3,
-    x: V3,
-    k: u32,
-    time: f32,
-) -> LightBehind {
-    let mut found = no_light();
-    found.triangle = scene.emitters[k as usize];
-    found.distance = hit.distance;
-    found.weights = of_corners(hit.weights);
-    let normal = emitters_of(scene).triangle(k, time).normal;
-    found.limit = up_to_plane(e.start, past, normal, x + e.axis * hit.distance);
-    let dark = e.point.faces.contains(found.triangle);
-    if dark || e.point.to.length() >= found.limit || scene.is_open(found.triangle, found.weights) {
-        found.limit = -1.0f32;
-    }
-    let cosine = -normal.dot(e.axis);
-    found.emission = emission_at(scene, found.triangle, found.weights, cosine);
-    found
-}
-
-/// A delta light behind an edge's point that rays bent about the direction to it come to. Its direction is fixed, so the
-/// integral over directions reduces to the cone's density at that direction about the edge's.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-fn delta_behind(
-    scene: &Scene,
-    k: u32,
-    e: &EdgeView,
-    bent: &Bend,
-    past: V3,
-    x: V3,
-    time: f32,
-) -> LightBehind {
-    let to = e.point.to;
-    let target = target_of(scene, k, v2(0.0, 0.0), x, time, false);
-    let mut image = to;
-    if bent.mirrored {
-        image = mirrored(to, e.outer);
-    }
-    let density = cone_density(bent.direction, image, scene.settings[CONE]);
-    let mut found = no_light();
-    let radiance = radiance_of(scene, k, v2(0.0, 0.0), target.facing());
-    found.emission = radiance * (target.angle * density);
-    found.limit = target.limit(e.start, past);
-    if found.emission.is_zero() || to.dot(e.outer) <= 0.0 || to.length() >= found.limit {
-        found.limit = -1.0f32;
-    }
-    found
 }
 
 /// Adds the derivatives by the jump of an emitter's light that nothing else hides.

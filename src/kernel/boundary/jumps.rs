@@ -230,7 +230,7 @@ fn find_jump(
         return;
     };
     for k in view.first..view.past {
-        let jump = jump_at(&to.lists, &observer, &search, &view, k, time);
+        let jump = jump_at(&to.lists, &observer, &search, &view, k);
         if jump.limit > 0.0 {
             found.push(Found {
                 lane,
