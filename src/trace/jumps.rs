@@ -134,6 +134,27 @@ impl EdgeView {
         }
         found
     }
+
+    /// Adds the derivatives by the edge's point and by the point that sees it.
+    #[inline(always)]
+    fn backward(
+        &self,
+        scene: &Scene,
+        sums: &Sums,
+        o: &Observer,
+        jump: &Jump,
+        scale: f32,
+        time: f32,
+        by: &mut PointGradient,
+    ) {
+        if is_nonzero(scale) {
+            let normal = o.point.shading.geometric;
+            let p = self.point;
+            let by_to = jump.motion.by_point(p.to, normal, scale, &mut by.geometric);
+            by.position -= by_to;
+            add_to_edge(scene, sums, &p, by_to, time);
+        }
+    }
 }
 
 /// A light that lies along an axis behind an edge's point.
@@ -249,7 +270,7 @@ pub(crate) fn shadow_backward(
             scene.add_to_corners(sums, light.triangle, light.weights, by_to, time);
         }
     }
-    edge_backward(scene, sums, o, e, jump, scale, time, by);
+    e.backward(scene, sums, o, jump, scale, time, by);
 }
 
 /// Adds the derivatives by the jump of light that is reflected, or comes from the environment: what is seen on the −
@@ -280,27 +301,5 @@ pub(crate) fn reflected_backward(
             scale -= e.carried.dot(sky(scene, e.axis)) * light.opacity;
         }
     }
-    edge_backward(scene, sums, o, e, jump, scale, time, by);
-}
-
-/// Adds the derivatives by an edge's point and by the point that sees it.
-#[cfg_attr(feature = "wgpu", cube)]
-#[inline(always)]
-fn edge_backward(
-    scene: &Scene,
-    sums: &Sums,
-    o: &Observer,
-    e: &EdgeView,
-    jump: &Jump,
-    scale: f32,
-    time: f32,
-    by: &mut PointGradient,
-) {
-    let normal = o.point.shading.geometric;
-    let p = e.point;
-    if is_nonzero(scale) {
-        let by_to = jump.motion.by_point(p.to, normal, scale, &mut by.geometric);
-        by.position -= by_to;
-        add_to_edge(scene, sums, &p, by_to, time);
-    }
+    e.backward(scene, sums, o, jump, scale, time, by);
 }
