@@ -6,9 +6,6 @@ use super::edge_points::{EdgePoint, add_to_edge, edge_of, sides};
 use super::edge_sides::Approach;
 use super::numbers::{Exposure, NO_PIXEL, OF_EDGES, sampler};
 use super::scene::Scene;
-use super::seen::Seen;
-#[cfg(feature = "wgpu")]
-use super::seen::SeenExpand;
 use super::sums::{Sums, add_to_camera};
 use crate::model::camera::{Camera, CameraGradient};
 use crate::model::filter::film_kernel;
@@ -112,18 +109,5 @@ impl FilmPoint {
             add_to_camera(sums, &by_camera);
         }
         add_to_edge(scene, sums, &self.point, by_point, time);
-    }
-}
-
-#[cfg_attr(feature = "wgpu", cube)]
-impl Seen {
-    /// Of derivatives: how much the loss changes from one side of an edge to the other, by what is seen on the − side
-    /// less what is on the + side.
-    #[inline(always)]
-    pub fn jump(&self, light: &Seen) -> f32 {
-        self.radiance.dot(light.radiance)
-            + self.opacity * light.opacity
-            + self.depth * light.depth
-            + self.normal.dot(light.normal)
     }
 }

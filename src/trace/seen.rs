@@ -39,6 +39,16 @@ impl Seen {
         self.depth += other.depth * factor;
         self.normal += other.normal * factor;
     }
+
+    /// Of derivatives: how much the loss changes from one side of an edge to the other, by what is seen on the − side
+    /// less what is on the + side.
+    #[inline(always)]
+    pub fn jump(&self, light: &Seen) -> f32 {
+        self.radiance.dot(light.radiance)
+            + self.opacity * light.opacity
+            + self.depth * light.depth
+            + self.normal.dot(light.normal)
+    }
 }
 
 impl Seen {
