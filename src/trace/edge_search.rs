@@ -32,15 +32,11 @@ pub(crate) struct Observer {
 impl Observer {
     /// It in each of so many searches.
     #[inline(always)]
-    pub fn part(&self, searches: u32) -> Observer {
-        Observer {
-            point: self.point,
-            bounce: self.bounce,
-            moves: self.moves,
-            carried: self.carried * (1.0 / searches as f32),
-            counts: self.counts,
-            searches,
-        }
+    pub fn part(self, searches: u32) -> Observer {
+        let mut part = self;
+        part.carried = part.carried * (1.0 / searches as f32);
+        part.searches = searches;
+        part
     }
 }
 
