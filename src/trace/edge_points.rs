@@ -78,12 +78,10 @@ pub(crate) fn edge_of(scene: &Scene, index: u32, time: f32) -> EdgePoint {
     p.exists = true;
     if comptime!(scene.features.flying_crossings) {
         if crossing == 2 {
-            let first = p.faces.a;
-            let second = p.faces.b;
-            let shift = scene.shift(first, time);
-            let other = scene.shift(second, time);
-            let t = scene.triangle(first).moved(shift);
-            let s = scene.triangle(second).moved(other);
+            let shift = scene.shift(p.faces.a, time);
+            let other = scene.shift(p.faces.b, time);
+            let t = scene.triangle(p.faces.a).moved(shift);
+            let s = scene.triangle(p.faces.b).moved(other);
             let line: Line = line_of_crossing(&t, &s);
             p.exists = line.exists;
             p.a = line.a - shift;
@@ -139,25 +137,17 @@ fn into_face(scene: &Scene, face: u32, p: &EdgePoint, time: f32) -> V3 {
 #[inline(always)]
 pub(crate) fn sides(scene: &Scene, p: &EdgePoint, view: V3, side: V3, time: f32) -> Sides {
     let mut sides = Sides::new(p.along, view, side);
-    // Of a crossing both halves of each face.
-    let mut halves = 4u32;
+    // Of a crossing both halves of each face: 2 to this power.
+    let mut halves = 0u32;
     if p.crossing {
-        halves = 8;
+        halves = 1;
     }
     let mut i = 0u32;
-    while i < halves {
-        let mut k = i;
-        if p.crossing {
-            k = i / 2;
-        }
-        let face = scene.of_edges[(p.edge + k) as usize];
-        let mut there = face != NONE;
-        if there {
-            there = !scene.is_open_at(face, p.position, time);
-        }
-        if there {
+    while i < 4u32 << halves {
+        let face = scene.of_edges[(p.edge + (i >> halves)) as usize];
+        if face != NONE && !scene.is_open_at(face, p.position, time) {
             let mut inward = into_face(scene, face, p, time);
-            if p.crossing && i & 1 == 1 {
+            if i & halves == 1 {
                 inward = -inward;
             }
             sides.add(face, inward, p.along, view);
@@ -176,12 +166,8 @@ pub(crate) fn add_to_edge(scene: &Scene, sums: &Sums, p: &EdgePoint, g: V3, time
         // A point of a line in which two planes cross moves with both.
         let mut k = 0u32;
         while k < 2 {
-            let mut face = p.faces.a;
-            let mut other = p.faces.b;
-            if k == 1 {
-                face = p.faces.b;
-                other = p.faces.a;
-            }
+            let face = scene.of_edges[(p.edge + k) as usize];
+            let other = scene.of_edges[(p.edge + 1 - k) as usize];
             if scene.is_wanted(scene.object_of(face)) {
                 let on = scene.triangle(face);
                 let weights = on.weights(p.position - scene.shift(face, time));
