@@ -137,17 +137,17 @@ fn into_face(scene: &Scene, face: u32, p: &EdgePoint, time: f32) -> V3 {
 #[inline(always)]
 pub(crate) fn sides(scene: &Scene, p: &EdgePoint, view: V3, side: V3, time: f32) -> Sides {
     let mut sides = Sides::new(p.along, view, side);
-    // Of a crossing both halves of each face: 2 to this power.
-    let mut halves = 0u32;
+    // 1 where faces are split: of a crossing both halves of each are there.
+    let mut split = 0u32;
     if p.crossing {
-        halves = 1;
+        split = 1;
     }
     let mut i = 0u32;
-    while i < 4u32 << halves {
-        let face = scene.of_edges[(p.edge + (i >> halves)) as usize];
+    while i < 4u32 << split {
+        let face = scene.of_edges[(p.edge + (i >> split)) as usize];
         if face != NONE && !scene.is_open_at(face, p.position, time) {
             let mut inward = into_face(scene, face, p, time);
-            if i & halves == 1 {
+            if i & split == 1 {
                 inward = -inward;
             }
             sides.add(face, inward, p.along, view);

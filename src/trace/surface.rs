@@ -169,7 +169,6 @@ pub(crate) fn point_at(
     let on = on_plane(&tri.plane(), shift, near, direction);
     let mut p = plain_point(&on, &hit);
     p.weights = tri.weights(on.at_rest);
-    let material = hit.material;
     p.uv = scene.uv_at(triangle, p.weights);
     if comptime!(scene.features.smooth) {
         p.shading.smooth = scene.normal_rows(triangle).exist();
@@ -177,14 +176,14 @@ pub(crate) fn point_at(
     }
     if comptime!(scene.features.tilted) {
         let front = p.shading.normal * p.side;
-        let at = scene.tilt_at(triangle, material, p.weights, p.uv, front);
+        let at = scene.tilt_at(triangle, p.material, p.weights, p.uv, front);
         if at.exists {
             p.shading.normal = at.tilt.tilted() * p.side;
             p.shading.smooth = true;
         }
     }
     if comptime!(scene.features.textured) {
-        p.shading.diffuse = scene.colour(material, 0u32, p.uv);
+        p.shading.diffuse = scene.colour(p.material, 0u32, p.uv);
     }
     if comptime!(scene.features.tinted) {
         let rows = scene.rows_of_colours(triangle);
@@ -196,8 +195,8 @@ pub(crate) fn point_at(
     if comptime!(scene.features.glossy) {
         if hit.bits & GLOSSY != 0 {
             p.shading.glossy = true;
-            p.shading.specular = scene.colour(material, 1u32, p.uv);
-            p.shading.exponent = scene.colour(material, 2u32, p.uv).x;
+            p.shading.specular = scene.colour(p.material, 1u32, p.uv);
+            p.shading.exponent = scene.colour(p.material, 2u32, p.uv).x;
         }
     }
     if comptime!(scene.features.models.has_others()) {
@@ -267,16 +266,15 @@ pub(crate) fn point_backward(
     let mut by_ray = RayGradient::default();
     if comptime!(sums.of.rays) {
         let by_corners = corners_backward(scene, sums, p, by_uv, by_colour, shade.normal);
-        let by_place = by_corners.place;
         let by_normal = by_corners.geometric + shade.geometric + by.geometric;
         let direction = p.shading.incoming;
         // Barycentric coordinates see the point from the corners, which are where the triangle is.
-        let by_point = by.position + by_place + direction * by_distance;
+        let by_point = by.position + by_corners.position + direction * by_distance;
         let with_plane = hit_backward(p.shading.geometric, direction, by_point);
         if comptime!(sums.of.objects) {
             if scene.is_wanted(p.object) {
                 sums.add_vector(3 * p.triangle, by_normal * p.side, TRIANGLES);
-                let g = with_plane - by_place;
+                let g = with_plane - by_corners.position;
                 scene.add_to_corners(sums, p.triangle, p.weights, g, time);
             }
         }
@@ -298,15 +296,9 @@ pub(crate) fn receiver_of(point: &Point, time: f32) -> Receiver {
     }
 }
 
-/// Derivatives by a surface point, which each corner takes less by its weight, and by its geometric normal.
-#[apply(record!)]
-struct CornersGradient {
-    place: V3,
-    geometric: V3,
-}
-
 /// Adds the derivatives by a surface point's texture coordinates, colour and shading normal to those of the values
-/// at its triangle's corners and of its normal map.
+/// at its triangle's corners and of its normal map. Returns those by its position, which each corner takes less by its
+/// weight, and by its geometric normal.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn corners_backward(
@@ -316,15 +308,14 @@ fn corners_backward(
     by_uv: V2,
     by_colour: V3,
     by_normal: V3,
-) -> CornersGradient {
+) -> PointGradient {
     // By the weights of the second and third corner.
     let mut by_b = 0.0f32;
     let mut by_c = 0.0f32;
     let mut by_uv = by_uv;
     let mut by_normal = by_normal;
     if comptime!(scene.features.tilted) {
-        let geometric = p.shading.geometric;
-        let normal = scene.normal_at(p.triangle, p.weights, geometric);
+        let normal = scene.normal_at(p.triangle, p.weights, p.shading.geometric);
         let front = normal * p.side;
         let at = scene.tilt_at(p.triangle, p.material, p.weights, p.uv, front);
         if at.exists {
@@ -361,14 +352,15 @@ fn corners_backward(
             scene.add_to_uvs(sums, p.triangle, p.weights, by_uv);
         }
     }
-    let mut by_geometric = by_normal;
+    let mut found = PointGradient::default();
+    found.geometric = by_normal;
     if comptime!(scene.features.smooth) {
         let rows = scene.normal_rows(p.triangle);
         if rows.exist() {
             let corners = rows.of(scene.normals, 3u32);
-            let found = facing(corners.at(p.weights), p.shading.geometric);
-            let by_sum = by_normal.reject_from_normalized(found.normal) * found.factor;
-            by_geometric = splat(0.0);
+            let at = facing(corners.at(p.weights), p.shading.geometric);
+            let by_sum = by_normal.reject_from_normalized(at.normal) * at.factor;
+            found.geometric = splat(0.0);
             by_b += by_sum.dot(corners.b - corners.a);
             by_c += by_sum.dot(corners.c - corners.a);
             if comptime!(sums.of.normals) {
@@ -376,13 +368,9 @@ fn corners_backward(
             }
         }
     }
-    let mut place = splat(0.0);
     if is_nonzero(by_b) || is_nonzero(by_c) {
         let slopes = scene.triangle(p.triangle).slopes();
-        place = slopes.first * by_b + slopes.second * by_c;
+        found.position = slopes.first * by_b + slopes.second * by_c;
     }
-    CornersGradient {
-        place,
-        geometric: by_geometric,
-    }
+    found
 }
