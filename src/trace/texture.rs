@@ -30,11 +30,9 @@ impl<'a> Scene<'a> {
     #[inline(always)]
     pub fn colour(&self, material: u32, channel: u32, uv: V2) -> V3 {
         let mut found = self.constant_of(material, channel);
-        if comptime!(self.features.textured) {
-            let texture = texture_of(material, channel);
-            if self.of_materials[texture as usize] != NONE {
-                found = self.look_up(texture, uv);
-            }
+        let texture = texture_of(material, channel);
+        if comptime!(self.features.textured) && self.of_materials[texture as usize] != NONE {
+            found = self.look_up(texture, uv);
         }
         found
     }
@@ -85,15 +83,10 @@ impl<'a> Scene<'a> {
         wanted: bool,
     ) -> V2 {
         let mut by_uv = v2(0.0, 0.0);
-        let mut constant = true;
-        if comptime!(self.features.textured) {
-            let texture = texture_of(material, channel);
-            if self.of_materials[texture as usize] != NONE {
-                constant = false;
-                by_uv = self.texture_backward(sums, texture, uv, g, wanted);
-            }
-        }
-        if wanted && constant {
+        let texture = texture_of(material, channel);
+        if comptime!(self.features.textured) && self.of_materials[texture as usize] != NONE {
+            by_uv = self.texture_backward(sums, texture, uv, g, wanted);
+        } else if wanted {
             sums.add_vector(3 * (CHANNELS * material + channel), g, MATERIALS);
         }
         by_uv
