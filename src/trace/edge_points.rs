@@ -76,17 +76,15 @@ pub(crate) fn edge_of(scene: &Scene, index: u32, time: f32) -> EdgePoint {
         d: list[3],
     };
     p.exists = true;
-    if comptime!(scene.features.flying_crossings) {
-        if crossing == 2 {
-            let shift = scene.shift(p.faces.a, time);
-            let other = scene.shift(p.faces.b, time);
-            let t = scene.triangle(p.faces.a).moved(shift);
-            let s = scene.triangle(p.faces.b).moved(other);
-            let line: Line = line_of_crossing(&t, &s);
-            p.exists = line.exists;
-            p.a = line.a - shift;
-            p.along = line.b - line.a;
-        }
+    if comptime!(scene.features.flying_crossings) && crossing == 2 {
+        let shift = scene.shift(p.faces.a, time);
+        let other = scene.shift(p.faces.b, time);
+        let t = scene.triangle(p.faces.a).moved(shift);
+        let s = scene.triangle(p.faces.b).moved(other);
+        let line: Line = line_of_crossing(&t, &s);
+        p.exists = line.exists;
+        p.a = line.a - shift;
+        p.along = line.b - line.a;
     }
     p
 }

@@ -295,11 +295,9 @@ pub(crate) fn reflected_backward(
         let drawn = shading.as_drawn(e.axis, s.of_gloss);
         shading.direction_backward(&drawn, jump.motion.edge.by_axis * scale, &mut by.shading);
     }
-    if comptime!(scene.features.gathers_map) {
-        if light.opacity != 0.0 {
-            // Directions to a map stay where they are.
-            scale -= e.carried.dot(sky(scene, e.axis)) * light.opacity;
-        }
+    if comptime!(scene.features.gathers_map) && light.opacity != 0.0 {
+        // Directions to a map stay where they are.
+        scale -= e.carried.dot(sky(scene, e.axis)) * light.opacity;
     }
     e.backward(scene, sums, o, jump, scale, time, by);
 }

@@ -201,12 +201,10 @@ pub(crate) fn light_backward(
         if comptime!(sums.of.rays) {
             let seen = LightPoint::new(target.place - point.position, on.normal);
             let by_light = seen.backward(on.normal, on.area, found.angle, found.direction);
-            if comptime!(sums.of.objects) {
-                if scene.is_wanted(scene.object_of(triangle)) {
-                    sums.add(triangle, by_light.area, AREAS);
-                    sums.add_vector(3 * triangle, by_light.normal, TRIANGLES);
-                    scene.add_to_corners(sums, triangle, corners, by_light.position, time);
-                }
+            if comptime!(sums.of.objects) && scene.is_wanted(scene.object_of(triangle)) {
+                sums.add(triangle, by_light.area, AREAS);
+                sums.add_vector(3 * triangle, by_light.normal, TRIANGLES);
+                scene.add_to_corners(sums, triangle, corners, by_light.position, time);
             }
             by.position -= by_light.position;
         }

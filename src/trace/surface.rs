@@ -192,12 +192,10 @@ pub(crate) fn point_at(
             p.shading.diffuse = p.shading.diffuse.times(tint);
         }
     }
-    if comptime!(scene.features.glossy) {
-        if hit.bits & GLOSSY != 0 {
-            p.shading.glossy = true;
-            p.shading.specular = scene.colour(p.material, 1u32, p.uv);
-            p.shading.exponent = scene.colour(p.material, 2u32, p.uv).x;
-        }
+    if comptime!(scene.features.glossy) && hit.bits & GLOSSY != 0 {
+        p.shading.glossy = true;
+        p.shading.specular = scene.colour(p.material, 1u32, p.uv);
+        p.shading.exponent = scene.colour(p.material, 2u32, p.uv).x;
     }
     if comptime!(scene.features.models.has_others()) {
         p.shading.model = (hit.bits / MODEL) % 8;
@@ -236,10 +234,8 @@ pub(crate) fn point_backward(
     }
     if comptime!(sums.of.materials || (sums.of.rays && scene.features.textured)) {
         let mut channels = 1u32;
-        if comptime!(scene.features.glossy) {
-            if p.shading.glossy {
-                channels = 3;
-            }
+        if comptime!(scene.features.glossy) && p.shading.glossy {
+            channels = 3;
         }
         let mut channel = 0u32;
         while channel < channels {
@@ -256,12 +252,10 @@ pub(crate) fn point_backward(
             channel += 1;
         }
     }
-    if comptime!(scene.features.glows) {
-        if !by.emission.is_zero() {
-            let more = scene.emission_backward(sums, p.material, p.uv, by.emission);
-            by_uv.x += more.x;
-            by_uv.y += more.y;
-        }
+    if comptime!(scene.features.glows) && !by.emission.is_zero() {
+        let more = scene.emission_backward(sums, p.material, p.uv, by.emission);
+        by_uv.x += more.x;
+        by_uv.y += more.y;
     }
     let mut by_ray = RayGradient::default();
     if comptime!(sums.of.rays) {
@@ -271,12 +265,10 @@ pub(crate) fn point_backward(
         // Barycentric coordinates see the point from the corners, which are where the triangle is.
         let by_point = by.position + by_corners.position + direction * by_distance;
         let with_plane = hit_backward(p.shading.geometric, direction, by_point);
-        if comptime!(sums.of.objects) {
-            if scene.is_wanted(p.object) {
-                sums.add_vector(3 * p.triangle, by_normal * p.side, TRIANGLES);
-                let g = with_plane - by_corners.position;
-                scene.add_to_corners(sums, p.triangle, p.weights, g, time);
-            }
+        if comptime!(sums.of.objects) && scene.is_wanted(p.object) {
+            sums.add_vector(3 * p.triangle, by_normal * p.side, TRIANGLES);
+            let g = with_plane - by_corners.position;
+            scene.add_to_corners(sums, p.triangle, p.weights, g, time);
         }
         let through = by_point - with_plane;
         by_ray.origin = through - direction * by_distance;
