@@ -1,6 +1,7 @@
 //! Devices by name, so that one program runs on CPU and GPU.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::ops::Sub;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use burn::backend::DispatchDevice;
 use burn::tensor::Device;
@@ -139,19 +140,74 @@ pub(crate) fn runs_kernels(device: &Device) -> bool {
     matches!(device.as_dispatch(), DispatchDevice::Cube(Wgpu(_)))
 }
 
-/// How often this crate has read tensors back from a GPU since the program began, for profiles: once a render by
-/// kernels there, all of its scenes and cameras together, and never in their backward passes; statistics and
-/// diagnostics that are asked for are read too. A user's own read-backs don't count.
-pub fn read_backs() -> u64 {
-    READ_BACKS.load(Ordering::Relaxed)
+/// What this crate has done on GPUs since the program began, for profiles: the difference of two is what was done in
+/// between. burn's own launches, and what a user reads, don't count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    /// Kernels that were launched.
+    pub launches: u64,
+    /// How often lists of scenes and of backward passes were sent to a device.
+    pub uploads: u64,
+    /// The bytes of these lists.
+    pub uploaded_bytes: u64,
+    /// How often tensors were read back: at most once a render by kernels there, all of its scenes and cameras together,
+    /// and never in their backward passes; statistics and diagnostics that were asked for are read too.
+    pub read_backs: u64,
+    /// The bytes of these tensors.
+    pub read_bytes: u64,
 }
 
-static READ_BACKS: AtomicU64 = AtomicU64::new(0);
+impl Sub for Work {
+    type Output = Self;
 
-/// Counts a read-back, where the device is not a CPU.
-pub(crate) fn count_read_back(device: &Device) {
+    fn sub(self, before: Self) -> Self {
+        Self {
+            launches: self.launches - before.launches,
+            uploads: self.uploads - before.uploads,
+            uploaded_bytes: self.uploaded_bytes - before.uploaded_bytes,
+            read_backs: self.read_backs - before.read_backs,
+            read_bytes: self.read_bytes - before.read_bytes,
+        }
+    }
+}
+
+/// What this crate has done on GPUs so far.
+pub fn work() -> Work {
+    *lock()
+}
+
+static WORK: Mutex<Work> = Mutex::new(Work {
+    launches: 0,
+    uploads: 0,
+    uploaded_bytes: 0,
+    read_backs: 0,
+    read_bytes: 0,
+});
+
+fn lock() -> MutexGuard<'static, Work> {
+    WORK.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Counts the launch of a kernel.
+#[cfg(feature = "wgpu")]
+pub(crate) fn count_launch() {
+    lock().launches += 1;
+}
+
+/// Counts bytes that are sent to a GPU.
+#[cfg(feature = "wgpu")]
+pub(crate) fn count_upload(bytes: usize) {
+    let mut work = lock();
+    work.uploads += 1;
+    work.uploaded_bytes += bytes as u64;
+}
+
+/// Counts a read-back of so many numbers of 32 bits, where the device is not a CPU.
+pub(crate) fn count_read_back(device: &Device, numbers: usize) {
     if !is_cpu(device) {
-        READ_BACKS.fetch_add(1, Ordering::Relaxed);
+        let mut work = lock();
+        work.read_backs += 1;
+        work.read_bytes += 4 * numbers as u64;
     }
 }
 
@@ -183,7 +239,6 @@ pub(crate) fn label(device: &Device) -> String {
 /// A device of wgpu, started.
 #[cfg(feature = "wgpu")]
 fn on_gpu(name: &str, kind: burn::tensor::DeviceKind, api: WgpuBackend) -> Result<Device> {
-    use std::sync::{Mutex, PoisonError};
     static STARTED: Mutex<Vec<Device>> = Mutex::new(Vec::new());
     let device = match api {
         #[cfg(feature = "vulkan")]

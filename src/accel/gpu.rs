@@ -1,5 +1,7 @@
 //! The tree as GPUs traverse it: nodes of two boxes.
 
+use std::ops::Range;
+
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 
@@ -23,6 +25,8 @@ pub(crate) struct GpuTree {
     pub depth: usize,
 }
 
+/// Triangles of a leaf at most: a thread meets them one by one.
+const OF_LEAF: usize = 4;
 /// A child that is a leaf.
 pub(crate) const LEAF: u32 = 1 << 31;
 /// Numbers of a triangle as rays meet it.
@@ -34,9 +38,9 @@ impl Hierarchy {
         let mut tree = GpuTree::default();
         match &self.built {
             Some(built) => {
-                let nodes = self.fitted(built);
-                tree.root = tree.add(&nodes, 0, 1);
-                tree.triangles = nodes.primitive_indices;
+                let mut nodes = self.fitted(built);
+                tree.triangles = std::mem::take(&mut nodes.primitive_indices);
+                tree.root = tree.add(&nodes, &self.triangles, 0, 1);
             }
             None => tree.triangles = (0..self.triangles.len() as u32).collect(),
         }
@@ -62,26 +66,49 @@ impl Hierarchy {
 }
 
 impl GpuTree {
-    fn add(&mut self, nodes: &Bvh2, at: usize, depth: usize) -> u32 {
+    fn add(&mut self, nodes: &Bvh2, triangles: &[HostTriangle], at: usize, depth: usize) -> u32 {
         let node = &nodes.nodes[at];
-        self.depth = self.depth.max(depth);
+        let first = node.first_index as usize;
         if node.is_leaf() {
-            self.leaves.push([node.first_index, node.prim_count]);
+            return self.add_leaf(triangles, first..first + node.prim_count as usize, depth);
+        }
+        let children = [first, first + 1];
+        let index = self.add_node(children.map(|child| *nodes.nodes[child].aabb()));
+        self.children[index] = children.map(|child| self.add(nodes, triangles, child, depth + 1));
+        index as u32
+    }
+
+    /// Adds triangles of a leaf, which is divided where it has many.
+    fn add_leaf(&mut self, triangles: &[HostTriangle], list: Range<usize>, depth: usize) -> u32 {
+        self.depth = self.depth.max(depth);
+        if list.len() <= OF_LEAF {
+            self.leaves.push([list.start as u32, list.len() as u32]);
             return LEAF | (self.leaves.len() as u32 - 1);
         }
-        let first = node.first_index as usize;
-        let mut boxes = [0.0; 12];
-        for (side, child) in [first, first + 1].into_iter().enumerate() {
-            let aabb = nodes.nodes[child].aabb();
-            boxes[6 * side..6 * side + 3].copy_from_slice(&aabb.min.to_array());
-            boxes[6 * side + 3..6 * side + 6].copy_from_slice(&aabb.max.to_array());
-        }
-        let index = self.boxes.len();
-        self.boxes.push(boxes);
-        self.children.push([0; 2]);
-        let children = [first, first + 1].map(|child| self.add(nodes, child, depth + 1));
-        self.children[index] = children;
+        let of = |k: &u32| triangles[*k as usize].swept();
+        let all = &mut self.triangles[list.clone()];
+        let centres = all.iter().map(|k| of(k).center());
+        let centres = centres.fold(Aabb::INVALID, |mut all, centre| *all.extend(centre));
+        let axis = centres.diagonal().max_position();
+        all.sort_by(|a, b| of(a).center()[axis].total_cmp(&of(b).center()[axis]));
+        let middle = list.start + list.len() / 2;
+        let halves = [list.start..middle, middle..list.end];
+        let boxes = halves.clone().map(|half| {
+            let half = self.triangles[half].iter().map(of);
+            half.fold(Aabb::INVALID, |a, b| a.union(&b))
+        });
+        let index = self.add_node(boxes);
+        self.children[index] = halves.map(|half| self.add_leaf(triangles, half, depth + 1));
         index as u32
+    }
+
+    /// Adds a node without its children.
+    fn add_node(&mut self, boxes: [Aabb; 2]) -> usize {
+        let corners = boxes.map(|b| [b.min.to_array(), b.max.to_array()]);
+        let numbers = corners.as_flattened().as_flattened();
+        self.boxes.push(std::array::from_fn(|i| numbers[i]));
+        self.children.push([0; 2]);
+        self.boxes.len() - 1
     }
 }
 

@@ -8,6 +8,9 @@ use super::wide::{FEW, Wide};
 use glam::DVec3;
 use rayon::prelude::*;
 
+/// Triangles without a binary tree at most: GPUs meet them one by one, a CPU eight at once.
+const WITHOUT: usize = if cfg!(feature = "wgpu") { 8 } else { FEW };
+
 /// Boxes over triangles, swept over the shutter. Without boxes where there are so few triangles that
 /// testing each is faster.
 #[derive(Clone)]
@@ -27,14 +30,15 @@ pub(crate) struct Hierarchy {
 impl Hierarchy {
     /// Builds boxes over triangles.
     pub fn new(triangles: Vec<HostTriangle>, spare: Spare) -> Self {
-        let (nodes, complete) = match triangles.len() > FEW {
+        let (nodes, complete) = match triangles.len() > WITHOUT {
             true => {
                 let (nodes, complete) = tree(&triangles, spare);
                 (Some(nodes), complete)
             }
             false => (None, true),
         };
-        let wide = Wide::new(&triangles, nodes.as_ref(), extent(&triangles));
+        let gathered = nodes.as_ref().filter(|_| triangles.len() > FEW);
+        let wide = Wide::new(&triangles, gathered, extent(&triangles));
         Self {
             cost: wide.cost(),
             wide,

@@ -68,7 +68,7 @@ pub(crate) fn by_rows<const D: usize>(tensor: &Tensor<D>, mut f: impl FnMut(&[f3
     let tensor = detached(tensor);
     for from in (0..height).step_by(rows) {
         let some = tensor.clone().slice([from..(from + rows).min(height)]);
-        count_read_back(&some.device());
+        count_read_back(&some.device(), some.shape().num_elements());
         let data = some.try_into_data_as::<f32>().map_err(Error::read)?;
         f(data.as_slice::<f32>().map_err(Error::read)?);
     }
@@ -117,7 +117,7 @@ pub(crate) fn any_positive<const D: usize>(image: &Tensor<D>) -> bool {
 
 /// Reads the values of a float tensor back to the host.
 pub(crate) fn host_values<const D: usize>(tensor: &Tensor<D>) -> Result<Vec<f64>> {
-    count_read_back(&tensor.device());
+    count_read_back(&tensor.device(), tensor.shape().num_elements());
     let data = detached(tensor).try_into_data();
     let data = data.map_err(Error::read)?;
     Ok(match data.as_slice::<f32>() {

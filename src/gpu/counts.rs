@@ -74,8 +74,9 @@ impl CountBackend for Cube {
 pub(crate) fn counts_of(device: &Device, job: &Job) -> Result<Vec<RayCounts>> {
     let like = Tensor::<1>::zeros([1], (device, DType::F32));
     let counts = <Dispatch as CountBackend>::count(like.into_dispatch(), job.clone());
-    count_read_back(device);
-    let data = Tensor::<1, Int>::from_dispatch(counts).try_into_data();
+    let counts = Tensor::<1, Int>::from_dispatch(counts);
+    count_read_back(device, counts.shape().num_elements());
+    let data = counts.try_into_data();
     let words: Vec<i32> = data.map_err(Error::read)?.iter().collect();
     let of_view = words.chunks_exact(words.len() / job.views.views);
     Ok(of_view.map(counts_from).collect())

@@ -6,9 +6,13 @@ use burn::backend::ops::{FloatTensorOps, IntTensorOps};
 use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::backend::wgpu::{CubeBackend, CubeTensor};
 use burn::backend::{Cube, DispatchDevice, TensorMetadata};
+use burn::cubecl::bytes::Bytes;
 use burn::cubecl::prelude::*;
 use burn::cubecl::server::Handle;
-use burn::tensor::{Device, FloatDType, IntDType, Shape, Slice};
+use burn::tensor::{Device, FloatDType, IntDType, Shape, Slice, Tensor};
+
+use crate::device::count_upload;
+use crate::scene::Identity;
 
 /// Lists that a kernel takes, at most.
 const LISTS: u32 = 7;
@@ -21,11 +25,26 @@ pub(crate) struct List {
 }
 
 impl List {
-    pub fn new<T: CubeElement>(client: &Client, list: &[T]) -> Self {
-        Self {
-            handle: client.create_from_slice(T::as_bytes(list)),
-            length: list.len(),
-        }
+    /// Sends lists of numbers of 32 bits to a device, all at once.
+    pub fn send<const N: usize>(client: &Client, lists: [&[u8]; N]) -> [Self; N] {
+        let alignment = client.properties().memory.alignment as usize;
+        let mut all = Vec::with_capacity(lists.iter().map(|l| l.len() + alignment).sum());
+        let starts = lists.map(|list| {
+            all.resize(all.len().next_multiple_of(alignment), 0);
+            all.extend_from_slice(list);
+            all.len() - list.len()
+        });
+        count_upload(all.len());
+        let size = all.len();
+        let handle = client.create(Bytes::from_bytes_vec(all));
+        std::array::from_fn(|i| {
+            let past = starts[i] + lists[i].len();
+            let handle = handle.clone().offset_start(starts[i] as u64);
+            Self {
+                handle: handle.offset_end((size - past) as u64),
+                length: lists[i].len() / 4,
+            }
+        })
     }
 
     pub fn room(client: &Client, length: usize) -> Self {
@@ -76,6 +95,15 @@ fn list(tensor: CubeTensor) -> (Client, List) {
 pub(super) fn floats(tensor: FloatTensor<Cube>) -> (Client, List) {
     let client = tensor.client.clone();
     list(client.resolve_tensor_float::<CubeBackend>(tensor))
+}
+
+/// What a tensor is known by while it is kept: burn then writes nothing to its memory. None on other devices.
+pub(crate) fn identity(tensor: &Tensor<1>) -> Option<Identity> {
+    let tensor = tensor.clone().try_into_primitive::<Cube>().ok()?;
+    let (_, List { handle, length }) = floats(tensor);
+    let memory = std::ptr::from_ref(handle.memory.descriptor()).addr();
+    let place = handle.offset_start.unwrap_or(0);
+    Some([memory as u64, place, length as u64])
 }
 
 /// A tensor of zeros, and the list of its numbers, which a kernel changes.

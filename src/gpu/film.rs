@@ -11,7 +11,7 @@ use super::hit::{Memory, Ray, trace};
 use super::job::{Job, Views};
 use super::jumps::light_beside;
 use super::passes::Loss;
-use super::sums::{Adding, is_skipped};
+use super::sums::Adding;
 use crate::kernel::Piece;
 use crate::model::camera::{Camera, CameraRay};
 use crate::model::film::{BLOCK, DrawnPiece, draw_piece, samples_of_film};
@@ -184,7 +184,7 @@ pub(super) fn film_jumps(
     adding: Adding,
     #[comptime] listed: bool,
 ) {
-    if ABSOLUTE_POS < samples.threads as usize && !is_skipped(loss.scales) {
+    if ABSOLUTE_POS < samples.threads as usize {
         let thread = samples.first + ABSOLUTE_POS as u32;
         let own = samples.of_thread(films, thread);
         let which = own.view;

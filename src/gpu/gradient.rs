@@ -9,7 +9,9 @@ use super::sums::{Places, sum_at};
 use crate::kernel::{Rows, View};
 use crate::model::{V3, component, splat, v3};
 use crate::scene::ParameterId;
-use crate::trace::{AREAS, CAMERAS, LIGHTS, OF_CAMERA, OF_LIGHT, Scene, TRIANGLES, VERTICES};
+use crate::trace::{
+    AREAS, CAMERAS, LIGHTS, OF_CAMERA, OF_LIGHT, PARTS, Scene, TRIANGLES, VERTICES,
+};
 
 /// The places of a view's tensors in a gradient.
 pub(crate) type TensorPlaces<'a> = &'a [(ParameterId, Range<usize>)];
@@ -17,59 +19,64 @@ pub(crate) type TensorPlaces<'a> = &'a [(ParameterId, Range<usize>)];
 /// A view, and the places of its scene's and camera's tensors.
 pub(crate) type ViewPlaces<'a> = (&'a View, TensorPlaces<'a>, TensorPlaces<'a>);
 
-/// Words of a tensor: its first number in the gradient, how many it has, its first sum, its part, how it follows from
-/// sums, numbers of a row of it and of a row of sums, and where its factor or its matrix begins.
-const OF_TENSOR: usize = 8;
+/// Words of a tensor: its first number in the gradient, how many are before it in the table, its first sum, its part,
+/// how it follows from sums, numbers of a row of it and of a row of sums, where its factor or its matrix begins, and its
+/// view.
+const OF_TENSOR: usize = 9;
 /// Sums times a factor; the same of vertices, which triangles move with; a matrix times sums.
 const ROWS: u32 = 0;
 const OF_VERTICES: u32 = 1;
 const MATRIX: u32 = 2;
 
-/// How the gradient of a view's tensors follows from sums.
+/// How the gradient of views' tensors follows from sums.
 #[derive(Default)]
 pub(super) struct Table {
     pub words: Vec<u32>,
     pub factors: Vec<f32>,
     /// The numbers of all tensors.
     pub numbers: usize,
+    view: u32,
 }
 
 impl Table {
-    /// Of the camera, and of the scene if the view is the first one of it.
-    pub fn new(
-        sums: &Places,
-        v: usize,
-        view: &View,
-        scene: TensorPlaces,
-        camera: TensorPlaces,
-    ) -> Self {
+    /// Of cameras, and of a scene where a view is the first one of it.
+    pub fn new(sums: &Places, views: &[ViewPlaces]) -> Self {
         let mut table = Self::default();
-        let first = &sums.first[v];
-        for (id, to) in scene.iter().filter(|_| sums.owns(v)) {
+        for (v, &(view, scene, camera)) in views.iter().enumerate() {
+            table.view = v as u32;
+            let first = &sums.first[v];
+            if sums.owns(v) {
+                table.add_scene(first, view, scene);
+            }
+            for (id, to) in camera {
+                let by = |one: &[f64]| {
+                    let mut by = vec![0.0; to.len()];
+                    view.write_camera(one, &[(*id, 0..to.len())], &mut by);
+                    by
+                };
+                table.add_matrix(to, (CAMERAS, first[CAMERAS as usize]), OF_CAMERA, by);
+            }
+        }
+        table
+    }
+
+    fn add_scene(&mut self, first: &[u32; PARTS], view: &View, scene: TensorPlaces) {
+        for (id, to) in scene {
             if let ParameterId::Light(light, part) = *id {
                 let own = first[LIGHTS as usize] + OF_LIGHT * light as u32;
                 let by = |one: &[f64]| {
                     let own = std::array::from_fn(|k| one[k]);
                     view.scene.by_light(light, part, own).to_vec()
                 };
-                table.add_matrix(to, (LIGHTS, own), OF_LIGHT, by);
+                self.add_matrix(to, (LIGHTS, own), OF_LIGHT, by);
             } else if let Some(rows) = Rows::of(&view.scene, *id, to.len()) {
                 let part = rows.part;
                 let own = first[part as usize] + (rows.width * rows.first) as u32;
                 let kind = if part == VERTICES { OF_VERTICES } else { ROWS };
                 let lengths = [rows.length, rows.width];
-                table.add(to, (part, own), kind, lengths, [rows.factor]);
+                self.add(to, (part, own), kind, lengths, [rows.factor]);
             }
         }
-        for (id, to) in camera {
-            let by = |one: &[f64]| {
-                let mut by = vec![0.0; to.len()];
-                view.write_camera(one, &[(*id, 0..to.len())], &mut by);
-                by
-            };
-            table.add_matrix(to, (CAMERAS, first[CAMERAS as usize]), OF_CAMERA, by);
-        }
-        table
     }
 
     fn add(
@@ -81,9 +88,11 @@ impl Table {
         factors: impl IntoIterator<Item = f64>,
     ) {
         let at = self.factors.len() as u32;
-        let (begin, count) = (to.start as u32, to.len() as u32);
-        self.words.extend([begin, count, first, part]);
-        self.words.extend([kind, own as u32, of_sums as u32, at]);
+        let (begin, before) = (to.start as u32, self.numbers as u32);
+        self.words.extend([begin, before, first, part, kind]);
+        let lengths = [own as u32, of_sums as u32];
+        self.words
+            .extend(lengths.into_iter().chain([at, self.view]));
         self.factors.extend(factors.into_iter().map(|f| f as f32));
         self.numbers += to.len();
     }
@@ -142,7 +151,7 @@ fn of_triangles(scene: &Scene, sums: &[u32], scales: &[f32], vertex: u32) -> V3 
     by
 }
 
-/// Adds the gradient of a view's tensors to that of all, one thread a number.
+/// Adds the gradient of views' tensors to that of all, one thread a number.
 #[cube(launch)]
 pub(super) fn write_gradient(
     views: Views,
@@ -151,17 +160,23 @@ pub(super) fn write_gradient(
     table: &[u32],
     factors: &[f32],
     gradient: &mut [f32],
-    view: u32,
     numbers: u32,
 ) {
     if ABSOLUTE_POS < numbers as usize {
-        let scene = views.scene(view);
-        let mut row = 0usize;
-        let mut i = ABSOLUTE_POS as u32;
-        while i >= table[row + 1] {
-            i -= table[row + 1];
-            row += OF_TENSOR;
+        // The last tensor that begins there or before.
+        let mut tensor = 0usize;
+        let mut past = table.len() / OF_TENSOR;
+        while past - tensor > 1 {
+            let middle = (tensor + past) / 2;
+            if table[middle * OF_TENSOR + 1] as usize <= ABSOLUTE_POS {
+                tensor = middle;
+            } else {
+                past = middle;
+            }
         }
+        let row = tensor * OF_TENSOR;
+        let i = ABSOLUTE_POS as u32 - table[row + 1];
+        let scene = views.scene(table[row + 8]);
         let first = table[row + 2];
         let part = table[row + 3];
         let kind = table[row + 4];

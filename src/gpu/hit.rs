@@ -8,10 +8,12 @@ use crate::model::lists::vector;
 use crate::model::{V3, v3};
 use crate::trace::{Faces, NONE, Scene};
 
-/// Memory of a thread: a stack of nodes of the tree, and room for the choice of an emitter.
+/// Memory of a thread: a stack of nodes of the tree, each with the distance of its box, and room for the choice of an
+/// emitter.
 #[derive(CubeType)]
 pub(super) struct Memory {
     pub stack: Array<u32>,
+    pub distances: Array<f32>,
     pub choice: Array<u32>,
 }
 
@@ -20,6 +22,7 @@ impl Memory {
     pub fn new(scene: &Scene) -> Memory {
         Memory {
             stack: Array::<u32>::new(scene.features.stack),
+            distances: Array::<f32>::new(scene.features.stack),
             choice: Array::<u32>::new(scene.features.of_emitters.room),
         }
     }
@@ -212,15 +215,17 @@ pub(super) fn trace(
                     popped = false;
                     if first.max(second) < f32::MAX {
                         memory.stack[top as usize] = far;
+                        memory.distances[top as usize] = first.max(second);
                         top += 1;
                     }
                 }
             }
             if popped {
-                if top == 0 {
-                    going = false;
-                } else {
+                // The last one whose box is not behind what was hit.
+                going = false;
+                while top > 0 && !going {
                     top -= 1;
+                    going = memory.distances[top as usize] <= nearest.t;
                     node = memory.stack[top as usize];
                 }
             }

@@ -8,9 +8,10 @@ use crate::cube::*;
 
 use super::device::{List, has_room};
 use super::packed::Packed;
+use super::sums::words_of_sums;
 use crate::device::label;
 use crate::error::{Error, Result};
-use crate::trace::{FIRST_SUM, Features, Scene};
+use crate::trace::{Features, Scene};
 
 /// The rows of an image that are asked for beside radiance.
 #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
@@ -67,6 +68,7 @@ macro_rules! launch {
     ($client:expr, $threads:expr, $kernel:ident($($argument:expr),* $(,)?)) => {{
         #[allow(unused_imports)]
         use $crate::gpu::device::Argument;
+        $crate::device::count_launch();
         let (groups, group) = $crate::gpu::job::groups($threads);
         $kernel::launch($client, groups, group, $($argument.argument()),*)
     }};
@@ -180,10 +182,11 @@ impl Job {
 
     /// The lists of its views, and that of its pixels.
     pub(super) fn lists(&self, client: &Client) -> [List; 3] {
-        let none = vec![0];
-        let pixels = self.pixels.as_deref().unwrap_or(&none);
-        let [floats, words] = self.views.on_device(client);
-        [floats, words, List::new(client, pixels)]
+        let [floats, words, none] = self.views.on_device(client);
+        let pixels = self.pixels.as_ref();
+        let pixels = pixels.map(|pixels| List::send(client, [u32::as_bytes(pixels)]));
+        let [pixels] = pixels.unwrap_or([none]);
+        [floats, words, pixels]
     }
 
     /// Its views for kernels that need some features of them.
@@ -218,8 +221,9 @@ pub(crate) fn check<'a>(
         lists.push(("the scene", scene));
         lists.push(("the image", job.count() * job.outputs.rows()));
         if with_gradient {
-            let sums = FIRST_SUM + 2 * job.views.sums.count;
-            lists.push(("the sums of derivatives", job.views.sums.replicas() * sums));
+            let sums = &job.views.sums;
+            let words = words_of_sums(sums.replicas(), sums.count);
+            lists.push(("the sums of derivatives", words));
         }
     }
     has_room(device, &lists).map_err(|message| Error::device(label(device), message))

@@ -15,14 +15,13 @@ use super::job::{Job, PATHS, Piece, launch};
 use super::passes::{LossLaunch, add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};
 use super::sums::{
-    AddingLaunch, TYPICAL, add_replicas, bits_of_each, choose_scales, clear, kept, look_again,
-    take_scales,
+    AddingLaunch, MORE, TYPICAL, add_replicas, bits_of_each, choose_scales, clear, words_of_sums,
 };
 use crate::device::label;
 use crate::trace::{BOUNCES, FIRST_SUM, Features, MEASURE, PARTS};
 
 /// Words of a launch's records at most.
-const RECORDS: usize = 1 << 24;
+const RECORDS: usize = 1 << 25;
 /// Pixels, and samples of films, that are looked at for the sizes of derivatives, at least.
 const MEASURED: usize = 4096;
 
@@ -57,7 +56,7 @@ pub(crate) fn gradient_of(
         {
             fail(format!("more than {WHOLE} edges or cells of 8 × 8 pixels"));
         }
-        Pass::new(rows_of(upstream, rows), job, &films).run(views, &list);
+        Pass::new(rows_of(upstream, rows), job, &films, views).run(&list);
     }
     // Buffers that could not be had and kernels that could not be compiled are known now.
     let (client, _) = floats(gradient.clone());
@@ -77,43 +76,61 @@ pub(super) struct Pass<'a> {
     records: List,
     pub pieces: List,
     pub table: List,
-    /// The largest derivatives, sums in replicas, and those of all replicas and launches.
+    pub scales: List,
+    /// The largest derivatives of parts, and room for all sums.
     sizes: List,
-    totals: List,
     sums: List,
-    /// Of the first pass, and of a second one where that has lost any.
-    pub scales: [List; 2],
+    /// How gradients follow from sums.
+    tensors: Table,
+    of_tensors: [List; 2],
     /// Paths of a launch.
     at_once: usize,
     /// Bits of derivatives, times their scale.
     bits: i32,
-    replicas: u32,
 }
 
 impl<'a> Pass<'a> {
     /// From the derivatives by the rows of a job's views, in the order of their axes.
-    fn new(upstream: FloatTensor<Cube>, job: &'a Job, films: &'a Films) -> Self {
+    fn new(
+        upstream: FloatTensor<Cube>,
+        job: &'a Job,
+        films: &'a Films,
+        views: &[ViewPlaces],
+    ) -> Self {
         let (client, upstream) = floats(upstream);
         let of_path = of_path(job);
         let at_once = (RECORDS / of_path).clamp(1, job.count() * job.samples as usize);
-        let bits = bits_of_each(at_once as u64 * 16 * points(job) as u64);
+        let most = (at_once * points(job)).max(PATHS.min(films.samples as usize));
+        let bits = bits_of_each(16 * most as u64);
         let mut scales = vec![MEASURE; PARTS];
         scales.push(2.0f32.powi(bits));
         scales.resize(TYPICAL + 2 * job.views.views, 0.0);
-        let (replicas, numbers) = (job.views.sums.replicas(), job.views.sums.count);
+        let tensors = Table::new(&job.views.sums, views);
+        let [pieces, table, scales, sizes, words, factors] = List::send(
+            &client,
+            [
+                f32::as_bytes(&films.pieces),
+                u32::as_bytes(&films.table),
+                f32::as_bytes(&scales),
+                u32::as_bytes(&[0; FIRST_SUM]),
+                u32::as_bytes(&tensors.words),
+                f32::as_bytes(&tensors.factors),
+            ],
+        );
+        let sums = &job.views.sums;
         let pass = Self {
             scene: job.lists(&client),
             upstream,
             records: List::room(&client, of_path * at_once),
-            pieces: List::new(&client, &films.pieces),
-            table: List::new(&client, &films.table),
-            sizes: List::room(&client, replicas * FIRST_SUM),
-            totals: List::room(&client, replicas * (FIRST_SUM + 2 * numbers)),
-            sums: List::room(&client, 3 * numbers),
-            scales: [0, 1].map(|_| List::new(&client, &scales)),
+            pieces,
+            table,
+            scales,
+            sizes,
+            sums: List::room(&client, words_of_sums(sums.replicas(), sums.count)),
+            tensors,
+            of_tensors: [words, factors],
             at_once,
             bits,
-            replicas: replicas as u32,
             client,
             job,
             films,
@@ -123,9 +140,39 @@ impl<'a> Pass<'a> {
     }
 
     /// Measures derivatives, adds them up, and adds the gradients of tensors to those of all.
-    fn run(self, views: &[ViewPlaces], gradient: &List) {
-        let [first, again] = &self.scales;
-        // One sample of some pixels tells how large derivatives are.
+    fn run(self, gradient: &List) {
+        if self.tensors.numbers == 0 {
+            return;
+        }
+        self.measure();
+        launch!(&self.client, self.sums.length, clear(&self.sums));
+        for piece in self.job.pieces(self.at_once) {
+            self.add_paths(piece, &self.sums);
+            self.fold();
+        }
+        let samples = self.films.samples as usize;
+        for first in (0..samples).step_by(PATHS) {
+            self.add_film([first, (samples - first).min(PATHS), 0], &self.sums);
+            self.fold();
+        }
+        let [words, factors] = &self.of_tensors;
+        launch!(
+            &self.client,
+            self.tensors.numbers,
+            write_gradient(
+                self.job.views(&self.scene, Features::default()),
+                &self.sums,
+                &self.scales,
+                words,
+                factors,
+                gradient,
+                self.tensors.numbers as u32
+            )
+        );
+    }
+
+    /// Chooses scales by the sizes of the derivatives of some samples of paths and of films.
+    fn measure(&self) {
         let paths = self.job.count().saturating_mul(self.job.samples as usize);
         let stride = self.job.count().div_ceil((paths / 16).max(MEASURED));
         // Odd, so that it is not that of columns.
@@ -138,114 +185,46 @@ impl<'a> Pass<'a> {
             past: 1,
             each: 1,
         };
-        let all = self.job.pieces(self.at_once);
-        let spread = (MEASURED / self.job.views.views).max(64);
-        self.measure(&[some], spread, first, false);
-        self.add_up(&all, first);
-        // Where some were much larger than those that were measured, all are.
-        launch!(
-            &self.client,
-            first.length,
-            look_again(&self.totals, first, again, self.replicas)
-        );
-        self.measure(&all, 0, again, true);
-        self.add_up(&all, again);
-        launch!(&self.client, PARTS, take_scales(again, first));
-        self.write(views, gradient);
-    }
-
-    /// Turns sums into gradients.
-    fn write(&self, views: &[ViewPlaces], to: &List) {
-        for (v, &(view, scene, camera)) in views.iter().enumerate() {
-            let table = Table::new(&self.job.views.sums, v, view, scene, camera);
-            if table.numbers == 0 {
-                continue;
-            }
-            launch!(
-                &self.client,
-                table.numbers,
-                write_gradient(
-                    self.job.views(&self.scene, Features::default()),
-                    &self.sums,
-                    &self.scales[0],
-                    &List::new(&self.client, &table.words),
-                    &List::new(&self.client, &table.factors),
-                    to,
-                    v as u32,
-                    table.numbers as u32
-                )
-            );
+        self.add_paths(some, &self.sizes);
+        let views = self.job.views.views;
+        let spread = (MEASURED / views).max(64);
+        if self.films.samples > 0 {
+            self.add_film([0, spread * views, spread], &self.sizes);
         }
-    }
-
-    fn clear(&self, words: &List, scales: &List) {
-        launch!(&self.client, words.length, clear(words, scales));
-    }
-
-    /// Chooses scales by the sizes of the derivatives of some samples, or of all.
-    fn measure(&self, pieces: &[Piece], spread: usize, scales: &List, all: bool) {
-        let sizes = &self.sizes;
-        self.clear(sizes, scales);
-        self.add(pieces, spread, sizes, scales, || {});
-        let keep = kept(self.bits, all);
         launch!(
             &self.client,
             PARTS,
-            choose_scales(sizes, scales, self.replicas, keep)
+            choose_scales(&self.sizes, &self.scales, self.bits - MORE)
         );
     }
 
-    /// Adds all derivatives up: those of a launch in replicas, and these to sums before they have no room.
-    fn add_up(&self, pieces: &[Piece], scales: &List) {
-        let (totals, sums) = (&self.totals, &self.sums);
-        self.clear(totals, scales);
-        self.clear(sums, scales);
-        self.add(pieces, 0, totals, scales, || {
-            launch!(
-                &self.client,
-                sums.length / 3,
-                add_replicas(totals, scales, sums, self.replicas)
-            );
-        });
-    }
-
-    /// Adds all derivatives of some samples to totals, and does something `after` each launch; `spread` is how many of a
-    /// film are looked at, if not all.
-    fn add(&self, pieces: &[Piece], spread: usize, totals: &List, scales: &List, after: impl Fn()) {
-        for &piece in pieces {
-            self.add_paths(piece, totals, scales);
-            after();
-        }
-        if self.films.count == 0 {
-            return;
-        }
-        let samples = match spread {
-            0 => self.films.samples as usize,
-            spread => spread * self.job.views.views,
-        };
-        for first in (0..samples).step_by(PATHS) {
-            let threads = (samples - first).min(PATHS);
-            self.add_film([first, threads, spread], totals, scales);
-            after();
-        }
+    /// Adds what a launch left in replicas to the sums of all.
+    fn fold(&self) {
+        let sums = &self.job.views.sums;
+        let numbers = sums.count as u32;
+        launch!(
+            &self.client,
+            sums.count,
+            add_replicas(&self.sums, sums.replicas() as u32, numbers)
+        );
     }
 
     /// The derivatives of the loss, times a factor, and scales of sums.
-    pub fn loss(&self, scales: &List, scale: f32) -> LossLaunch {
+    pub fn loss(&self, scale: f32) -> LossLaunch {
         let upstream = self.upstream.argument();
-        LossLaunch::new(upstream, scales.argument(), scale, self.job.outputs)
+        LossLaunch::new(upstream, self.scales.argument(), scale, self.job.outputs)
     }
 
-    fn adding(&self, totals: &List) -> AddingLaunch {
-        let region = totals.length as u32 / self.replicas;
-        let of = self.job.views.derivatives;
-        AddingLaunch::new(totals.argument(), self.replicas, region, of)
+    fn adding(&self, to: &List) -> AddingLaunch {
+        let sums = &self.job.views.sums;
+        let (replicas, numbers) = (sums.replicas() as u32, sums.count as u32);
+        AddingLaunch::new(to.argument(), replicas, numbers, self.job.views.derivatives)
     }
 
-    fn add_paths(&self, piece: Piece, totals: &List, scales: &List) {
+    fn add_paths(&self, piece: Piece, to: &List) {
         let threads = piece.threads() as usize;
         let paths = || self.job.paths(&self.scene, piece);
-        let loss = || self.loss(scales, 1.0 / self.job.samples as f32);
+        let loss = || self.loss(1.0 / self.job.samples as f32);
         launch!(
             &self.client,
             threads,
@@ -255,17 +234,18 @@ impl<'a> Pass<'a> {
             launch!(
                 &self.client,
                 threads * points(self.job),
-                add_jumps(paths(), loss(), &self.records, self.adding(totals))
+                add_jumps(paths(), loss(), &self.records, self.adding(to))
             );
         }
         launch!(
             &self.client,
             threads,
-            go_back(paths(), loss(), &self.records, self.adding(totals))
+            go_back(paths(), loss(), &self.records, self.adding(to))
         );
     }
 
-    fn add_film(&self, samples: [usize; 3], totals: &List, scales: &List) {
+    /// Samples on films from a first one on, of all views, or `spread` of each.
+    fn add_film(&self, samples: [usize; 3], to: &List) {
         let job = self.job;
         let [first, threads, spread] = samples.map(|n| n as u32);
         let (views, of_view) = (job.views.views as u32, job.of_view as u32);
@@ -278,8 +258,8 @@ impl<'a> Pass<'a> {
                 FilmSamplesLaunch::new(first, threads, spread, views, of_view, count),
                 &self.pieces,
                 &self.table,
-                self.loss(scales, 1.0),
-                self.adding(totals),
+                self.loss(1.0),
+                self.adding(to),
                 job.pixels.is_some()
             )
         );

@@ -37,6 +37,7 @@ mod sums;
 mod walk;
 
 pub(crate) use counts::counts_of;
+pub(crate) use device::identity;
 pub(crate) use job::{Job, Outputs, check};
 pub(crate) use launch::trace;
 pub(crate) use launch_backward::gradient_of;

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use burn::cubecl::prelude::Client;
+use burn::cubecl::prelude::{Client, CubeElement};
 use rayon::prelude::*;
 
 use super::device::List;
@@ -30,8 +30,8 @@ pub(crate) struct Packed {
     pub features: Features,
     pub derivatives: Derivatives,
     pub sums: Places,
-    /// The buffers on the device, once they were sent there.
-    sent: OnceLock<[List; 2]>,
+    /// The buffers on the device, once they were sent there, and a list for kernels that need none.
+    sent: OnceLock<[List; 3]>,
 }
 
 /// Views in groups of such as follow each other and have the same kernels.
@@ -56,7 +56,8 @@ pub(crate) fn pack(views: &[&View]) -> Vec<(Range<usize>, Packed)> {
     let kernels = |v: usize| {
         let features = Features {
             boxes: !scene(v).tree.boxes.is_empty(),
-            stack: scene(v).tree.depth.next_multiple_of(16).max(16),
+            // Few sizes, so that kernels serve when a tree has grown.
+            stack: scene(v).tree.depth.next_power_of_two().max(32),
             ..views[v].features
         };
         (features, views[v].wanted.of)
@@ -122,13 +123,15 @@ impl Packed {
     }
 
     /// The buffers on the device, which are sent there once.
-    pub(super) fn on_device(&self, client: &Client) -> [List; 2] {
-        let send = || {
+    pub(super) fn on_device(&self, client: &Client) -> [List; 3] {
+        let lists = || {
             [
-                List::new(client, &self.floats),
-                List::new(client, &self.words),
+                f32::as_bytes(&self.floats),
+                u32::as_bytes(&self.words),
+                &[0; 4],
             ]
         };
+        let send = || List::send(client, lists());
         self.sent.get_or_init(send).clone()
     }
 }

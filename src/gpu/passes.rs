@@ -10,7 +10,7 @@ use super::job::{Outputs, Paths};
 use super::jumps::jumps_seen_from;
 use super::path::path_light;
 use super::records::{OF_TRIANGLE, Room};
-use super::sums::{Adding, TYPICAL, is_skipped};
+use super::sums::{Adding, TYPICAL};
 use super::walk::Start;
 use crate::model::jumps::counts_of;
 use crate::model::numbers::is_nonzero;
@@ -59,7 +59,7 @@ impl Loss {
 #[cube(launch)]
 pub(super) fn keep_paths(paths: Paths, loss: Loss, records: &mut [u32]) {
     let threads = paths.piece.threads();
-    if ABSOLUTE_POS < threads as usize && !is_skipped(loss.scales) {
+    if ABSOLUTE_POS < threads as usize {
         let thread = ABSOLUTE_POS as u32;
         let which = paths.of_thread(thread);
         let scene = paths.views.scene(which.view);
@@ -110,41 +110,39 @@ fn moves_at(
 #[cube(launch)]
 pub(super) fn add_jumps(paths: Paths, loss: Loss, records: &mut [u32], adding: Adding) {
     let threads = paths.piece.threads();
-    if !is_skipped(loss.scales) {
-        let thread = ABSOLUTE_POS as u32 % threads;
-        let k = ABSOLUTE_POS as u32 / threads;
-        let which = paths.of_thread(thread);
-        let scene = paths.views.scene(which.view);
-        let sums = adding.of_thread(&scene, loss.scales, thread);
-        let room = Room::new(thread, threads, scene.bounces);
-        let g = loss.of_row(&scene, which.row);
-        let mut points = 0u32;
-        if is_nonzero(g.size()) {
-            points = records[room.points()];
+    let thread = ABSOLUTE_POS as u32 % threads;
+    let k = ABSOLUTE_POS as u32 / threads;
+    let which = paths.of_thread(thread);
+    let scene = paths.views.scene(which.view);
+    let sums = adding.of_thread(&scene, loss.scales, thread);
+    let room = Room::new(thread, threads, scene.bounces);
+    let g = loss.of_row(&scene, which.row);
+    let mut points = 0u32;
+    if is_nonzero(g.size()) {
+        points = records[room.points()];
+    }
+    // Paths have fewer points than there are threads for.
+    if k < points {
+        let mut by = PointGradient::default();
+        let arrival = room.arrival(records, k);
+        let carried = g.radiance.times(arrival.throughput);
+        let typical = loss.scales[TYPICAL + which.view as usize] * loss.scale;
+        let counts = counts_of(carried, typical.max(1e-37), scene.samples_log);
+        let path = begin(&scene, which.pixel, which.sample);
+        let point = arrival.point(&scene, path.time);
+        if counts > 0.0 && point.reflects {
+            let at = Observer {
+                point,
+                bounce: k,
+                moves: moves_at(&scene, records, room, k, sums.of),
+                carried,
+                counts,
+                searches: 1u32.runtime(),
+            };
+            let mut memory = Memory::new(&scene);
+            jumps_seen_from(&scene, &mut memory, &sums, &path, &at, &mut by);
         }
-        // Paths have fewer points than there are threads for.
-        if k < points {
-            let mut by = PointGradient::default();
-            let arrival = room.arrival(records, k);
-            let carried = g.radiance.times(arrival.throughput);
-            let typical = loss.scales[TYPICAL + which.view as usize] * loss.scale;
-            let counts = counts_of(carried, typical.max(1e-37), scene.samples_log);
-            let path = begin(&scene, which.pixel, which.sample);
-            let point = arrival.point(&scene, path.time);
-            if counts > 0.0 && point.reflects {
-                let at = Observer {
-                    point,
-                    bounce: k,
-                    moves: moves_at(&scene, records, room, k, sums.of),
-                    carried,
-                    counts,
-                    searches: 1u32.runtime(),
-                };
-                let mut memory = Memory::new(&scene);
-                jumps_seen_from(&scene, &mut memory, &sums, &path, &at, &mut by);
-            }
-            room.keep_jumped(records, k, &by);
-        }
+        room.keep_jumped(records, k, &by);
     }
 }
 
@@ -152,7 +150,7 @@ pub(super) fn add_jumps(paths: Paths, loss: Loss, records: &mut [u32], adding: A
 #[cube(launch)]
 pub(super) fn go_back(paths: Paths, loss: Loss, records: &mut [u32], adding: Adding) {
     let threads = paths.piece.threads();
-    if ABSOLUTE_POS < threads as usize && !is_skipped(loss.scales) {
+    if ABSOLUTE_POS < threads as usize {
         let thread = ABSOLUTE_POS as u32;
         let which = paths.of_thread(thread);
         let scene = paths.views.scene(which.view);

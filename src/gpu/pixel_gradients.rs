@@ -23,7 +23,7 @@ impl Pass<'_> {
     pub fn look_at_pixels(&self) {
         let (client, job, films) = (&self.client, self.job, self.films);
         let (table, pieces) = (&self.table, &self.pieces);
-        let (scales, count) = (&self.scales[0], films.count);
+        let (scales, count) = (&self.scales, films.count);
         let views = job.views.views;
         let header = &job.views.words;
         let [columns, rows] =
@@ -40,7 +40,7 @@ impl Pass<'_> {
                 job.views(&self.scene, Features::default()),
                 grid(),
                 table,
-                self.loss(scales, 1.0),
+                self.loss(1.0),
                 &cells,
                 job.of_view as u32,
                 job.pixels.is_some()

@@ -9,8 +9,8 @@ use crate::model::choice::INFINITY;
 use crate::model::integers::total;
 use crate::model::numbers::not_a_number;
 use crate::trace::{
-    CAMERAS, Derivatives, FIRST_SUM, LIMIT, LOST, MEASURE, OF_CAMERA, PARTS, Scene, Sums, Totals,
-    sums_of,
+    CAMERAS, Derivatives, FIRST_SUM, LEAST_LIMIT, LIMIT, OF_CAMERA, PARTS, Scene, Sums, Totals,
+    carry, sums_of,
 };
 
 /// Numbers of the sums of all replicas together, about.
@@ -97,50 +97,14 @@ fn scale_of(largest: u32, of_all: u32, keep: i32) -> f32 {
     scale
 }
 
-/// The scale of all parts where a pass has nothing to do.
-const SKIPPED: f32 = -2.0;
-
-/// Whether a pass has nothing to do.
-#[cube]
-pub(super) fn is_skipped(scales: &[f32]) -> bool {
-    scales[0] == SKIPPED
-}
-
-/// Lets a second pass look at all derivatives, where the first has lost any; else it has nothing to do.
+/// Chooses the scales of parts from the largest derivatives that measuring launches left.
 #[cube(launch)]
-pub(super) fn look_again(totals: &[u32], scales: &[f32], again: &mut [f32], replicas: u32) {
-    if ABSOLUTE_POS < scales.len() {
-        let mut scale = scales[ABSOLUTE_POS];
-        if ABSOLUTE_POS < PARTS {
-            scale = SKIPPED;
-            let region = totals.len() / replicas as usize;
-            for replica in 0..replicas {
-                if totals[replica as usize * region + LOST] > 0 {
-                    scale = MEASURE;
-                }
-            }
-        }
-        again[ABSOLUTE_POS] = scale;
-    }
-}
-
-/// Chooses the scales of parts from the largest derivatives that a measuring launch left in all replicas.
-#[cube(launch)]
-pub(super) fn choose_scales(totals: &[u32], scales: &mut [f32], replicas: u32, keep: i32) {
-    if ABSOLUTE_POS < PARTS && scales[ABSOLUTE_POS] != SKIPPED {
-        let region = totals.len() / replicas as usize;
-        let mut own = 0u32;
+pub(super) fn choose_scales(sizes: &[u32], scales: &mut [f32], keep: i32) {
+    if ABSOLUTE_POS < PARTS {
         let mut most = 0u32;
         for part in 0..PARTS {
-            let mut largest = 0u32;
-            for replica in 0..replicas {
-                largest = largest.max(totals[replica as usize * region + part]);
-            }
-            if part == ABSOLUTE_POS {
-                own = largest;
-            }
-            if largest < INFINITY {
-                most = most.max(largest);
+            if sizes[part] < INFINITY {
+                most = most.max(sizes[part]);
             }
         }
         if most == 0 {
@@ -153,41 +117,30 @@ pub(super) fn choose_scales(totals: &[u32], scales: &mut [f32], replicas: u32, k
                 }
             }
         }
-        scales[ABSOLUTE_POS] = scale_of(own, most, keep);
+        scales[ABSOLUTE_POS] = scale_of(sizes[ABSOLUTE_POS], most, keep);
     }
-}
-
-/// 1 if a sum of two words, of which one is given, has wrapped.
-#[cube]
-fn carry(sum: u32, word: u32) -> u32 {
-    let mut carried = 0u32;
-    if sum < word {
-        carried = 1u32;
-    }
-    carried
 }
 
 /// Adds what all replicas have of a number to its sum of three words, and takes it from them.
 #[cube(launch)]
-pub(super) fn add_replicas(totals: &mut [u32], scales: &[f32], sums: &mut [u32], replicas: u32) {
-    if ABSOLUTE_POS < sums.len() / 3 && !is_skipped(scales) {
-        let region = totals.len() / replicas as usize;
+pub(super) fn add_replicas(sums: &mut [u32], replicas: u32, numbers: u32) {
+    if ABSOLUTE_POS < numbers as usize {
         let mut low = 0u32;
         let mut high = 0u32;
         for replica in 0..replicas {
-            let from = replica as usize * region + FIRST_SUM + 2 * ABSOLUTE_POS;
-            let own = totals[from];
+            let from = first_total(replica, numbers) + 2 * ABSOLUTE_POS;
+            let own = sums[from];
             low = total(low, own);
-            high = total(high, total(totals[from + 1], carry(low, own)));
-            totals[from] = 0;
-            totals[from + 1] = 0;
+            high = total(high, total(sums[from + 1], carry(low, own)));
+            sums[from] = 0;
+            sums[from + 1] = 0;
         }
         // The sign goes on in the third word.
         let mut above = 0u32;
         if high >> 31 == 1 {
             above = 0xffff_ffffu32;
         }
-        let at = 3 * ABSOLUTE_POS;
+        let at = FIRST_SUM + 3 * ABSOLUTE_POS;
         let first = total(sums[at], low);
         let more = carry(first, low);
         let own = total(sums[at + 1], high);
@@ -199,19 +152,11 @@ pub(super) fn add_replicas(totals: &mut [u32], scales: &[f32], sums: &mut [u32],
     }
 }
 
-/// Sets all words to 0, unless a pass has nothing to do.
+/// Sets all words to 0.
 #[cube(launch)]
-pub(super) fn clear(words: &mut [u32], scales: &[f32]) {
-    if ABSOLUTE_POS < words.len() && !is_skipped(scales) {
+pub(super) fn clear(words: &mut [u32]) {
+    if ABSOLUTE_POS < words.len() {
         words[ABSOLUTE_POS] = 0;
-    }
-}
-
-/// Takes the scales of the second pass, if it had anything to do.
-#[cube(launch)]
-pub(super) fn take_scales(again: &[f32], scales: &mut [f32]) {
-    if ABSOLUTE_POS < PARTS && !is_skipped(again) {
-        scales[ABSOLUTE_POS] = again[ABSOLUTE_POS];
     }
 }
 
@@ -219,7 +164,7 @@ pub(super) fn take_scales(again: &[f32], scales: &mut [f32]) {
 #[cube]
 pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
     let scale = scales[part as usize];
-    let first = 3 * at as usize;
+    let first = FIRST_SUM + 3 * at as usize;
     let mut low = sums[first];
     let mut high = sums[first + 1];
     let mut above = sums[first + 2];
@@ -235,7 +180,7 @@ pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
     if negative {
         value = -value;
     }
-    if scale > 0.0 {
+    if scale > 0.0 && sums[part as usize] == 0 {
         value = value / scale;
     } else {
         value = not_a_number(scale);
@@ -243,13 +188,23 @@ pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
     value
 }
 
+/// Words of all sums: those of all launches, then two a number for each replica of those of a launch.
+pub(super) fn words_of_sums(replicas: usize, numbers: usize) -> usize {
+    FIRST_SUM + (3 + 2 * replicas) * numbers
+}
+
+/// The first word of a replica.
+#[cube]
+fn first_total(replica: u32, numbers: u32) -> usize {
+    FIRST_SUM + ((3 + 2 * replica) * numbers) as usize
+}
+
 /// The sums that a launch adds to.
 #[apply(argument!)]
 pub(super) struct Adding {
-    totals: &'static [Atomic<u32>],
+    sums: &'static [Atomic<u32>],
     replicas: u32,
-    /// Words of a replica.
-    region: u32,
+    numbers: u32,
     #[cube(comptime)]
     of: Derivatives,
 }
@@ -258,9 +213,10 @@ pub(super) struct Adding {
 impl Adding {
     /// Those of a thread's replica, as stages add to them.
     pub fn of_thread<'a>(&self, scene: &Scene<'a>, scales: &'a [f32], thread: u32) -> Sums<'a> {
-        let first = (thread % self.replicas * self.region) as usize;
+        let first = first_total(thread % self.replicas, self.numbers);
         sums_of(Totals::<'a> {
-            totals: &self.totals[first..],
+            sums: self.sums,
+            totals: &self.sums[first..],
             scales,
             first: scene.first_sums,
             of: comptime!(self.of),
@@ -268,42 +224,29 @@ impl Adding {
     }
 }
 
-/// Bits of derivatives, times their scale, of which so many have room in a sum: those of derivatives that were all
-/// measured.
+/// Bits of derivatives, times their scale, of which so many have room in a sum of 64 bits.
 pub(super) fn bits_of_each(derivatives: u64) -> i32 {
-    (61 - (u64::BITS - derivatives.leading_zeros()) as i32).clamp(16, 40 + MORE)
+    (61 - (u64::BITS - derivatives.leading_zeros()) as i32).clamp(LEAST_LIMIT, 40 + MORE)
 }
 
-/// Bits that derivatives may be larger by than those that were measured, if not all were.
-const MORE: i32 = 12;
-
-/// Bits of the largest derivative that was measured: one less than there is room for, since a power of two takes all.
-pub(super) fn kept(bits: i32, all_measured: bool) -> i32 {
-    bits - if all_measured { 1 } else { MORE }
-}
+/// Bits that derivatives may be larger by than those that were measured before they are added to sums of 96 bits.
+pub(super) const MORE: i32 = 12;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// So many derivatives of the largest size fit into 63 bits; one that is a power of two, and is the largest of all
-    /// that were measured, is below the limit.
+    /// So many derivatives of the largest size fit into 63 bits.
     #[test]
     fn sums_have_room() {
-        for log in 0..45 {
+        for log in 0..36 {
             let derivatives = (1u64 << log) + 1;
             let bits = bits_of_each(derivatives);
-            assert!((16..=40 + MORE).contains(&bits));
+            assert!((LEAST_LIMIT..=40 + MORE).contains(&bits));
             assert!(
                 u128::from(derivatives) << bits < 1 << 62,
                 "{derivatives} {bits}"
             );
-            let limit = 2.0f32.powi(bits);
-            for largest in [1.0f32, 0.7, 1e-9] {
-                let own = largest.to_bits();
-                let exponent = (own >> 23) as i32 - 127 + i32::from(own & 0x007f_ffff != 0);
-                assert!(largest * 2.0f32.powi(kept(bits, true) - exponent) < limit);
-            }
         }
     }
 }

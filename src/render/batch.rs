@@ -77,7 +77,7 @@ impl Batch {
     }
 
     /// The vertices of the objects of that name, `[S, V, 3]` for S scenes and the V vertices of each mesh, in
-    /// scene units, in place of those they have. On the CPU the tensor is one parent of the images as it is: nothing is sliced
+    /// scene units, in place of those they have. The tensor is one parent of the images as it is: nothing is sliced
     /// or gathered in the graph, and boxes and neighbours of the first scene serve the others.
     ///
     /// # Errors
@@ -144,6 +144,18 @@ impl Batch {
             }
         }
         all
+    }
+
+    /// All scenes, where the vertices of the batch are others, made of these.
+    pub(super) fn scenes_with(&self, of: impl Fn(&Tensor<3>) -> Tensor<2>) -> Vec<Scene> {
+        let mut scenes = self.scenes.clone();
+        for (name, values) in &self.vertices {
+            let vertices = of(values);
+            let objects = scenes.iter_mut().flat_map(|scene| &mut scene.objects);
+            let named = objects.filter(|o| o.name == *name);
+            named.for_each(|o| o.mesh.vertices = vertices.clone());
+        }
+        scenes
     }
 
     /// A scene with its vertices of the batch, in the graph or out of it.

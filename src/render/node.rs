@@ -63,7 +63,7 @@ fn by_host<B: Backend>(
     derivative: &SharedDerivative,
 ) -> FloatTensor<B> {
     let device = upstream.device();
-    count_read_back(&derivative.device);
+    count_read_back(&derivative.device, upstream.shape().num_elements());
     let data = burn::tensor::try_read_sync(B::float_into_data(upstream));
     let data = data.and_then(Result::ok);
     let data = data.expect("the gradient of an image can be read back");

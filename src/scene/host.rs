@@ -9,7 +9,7 @@ use super::check::{check_devices, check_values};
 use super::host_textures::{HostTexture, Shared};
 use super::light::HostLight;
 use super::material::{Channel, MaterialKind};
-use super::transfer::to_host;
+use super::transfer::{Constants, Transfer};
 use super::{CornerAttribute, Holes, Parameter, Scene};
 use crate::error::Result;
 use crate::geometry::{Context, host_values};
@@ -85,7 +85,12 @@ impl HostScene {
     pub fn new(scene: &Scene) -> Result<Self> {
         let context = check_devices(scene)?;
         let mut scene = scene.clone();
-        to_host(std::slice::from_mut(&mut scene), &mut [], &context)?;
+        let transfer = Transfer {
+            scenes: std::slice::from_mut(&mut scene),
+            cameras: &mut [],
+            more: &mut [],
+        };
+        transfer.to_host(&context, &mut Constants::default(), |_| None)?;
         Self::read(&scene, context)
     }
 

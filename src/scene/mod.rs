@@ -58,7 +58,7 @@ pub(crate) use parameters::{
     visit_tensors,
 };
 pub use placement::Scale;
-pub(crate) use transfer::to_host;
+pub(crate) use transfer::{Constants, Identity, Transfer, host_device};
 pub use transform::Transform;
 pub(crate) use viewpoint::Framing;
 pub use viewpoint::Matrix;

@@ -1,6 +1,7 @@
-//! Scenes and cameras copied to the host in one transfer: each that waits for a GPU costs more than its bytes.
+//! Scenes and cameras copied to the host in one transfer: each that waits for a GPU costs more than its bytes. What is not
+//! in a graph is read once, as long as it is the same tensor.
 
-use std::ops::Range;
+use std::collections::{HashMap, VecDeque};
 
 use burn::tensor::{Device, Tensor, TensorData};
 
@@ -10,42 +11,85 @@ use crate::device::is_cpu;
 use crate::error::Result;
 use crate::geometry::{Context, detached, host_values};
 
-/// Puts tensors of scenes and cameras on the host, out of their graph; those that were in it are leaves of others, so
-/// that checks know them. They must be of the context's device.
-///
-/// # Errors
-/// If they can't be read back.
-pub(crate) fn to_host(
-    scenes: &mut [Scene],
-    cameras: &mut [Camera],
-    context: &Context,
-) -> Result<()> {
-    let Some(host) = host_device().filter(|_| !is_cpu(&context.device)) else {
-        return Ok(());
-    };
-    let mut gather = Gather::default();
-    scenes.iter_mut().for_each(|s| visit_scene(s, &mut gather));
-    cameras
-        .iter_mut()
-        .for_each(|c| visit_camera(c, &mut gather));
-    let mut scatter = Scatter {
-        values: host_values(&Tensor::cat(gather.0, 0))?,
-        next: 0,
-        context: Context {
-            device: host,
-            dtype: context.dtype,
-        },
-    };
-    scenes.iter_mut().for_each(|s| visit_scene(s, &mut scatter));
-    cameras
-        .iter_mut()
-        .for_each(|c| visit_camera(c, &mut scatter));
-    Ok(())
+/// What tells tensors of a device apart as long as they are kept: memory, the place in it, and the length.
+pub(crate) type Identity = [u64; 3];
+
+/// Constants that were read, with their numbers. They are kept on the device too, so that nothing else comes to be in
+/// their memory.
+#[derive(Default)]
+pub(crate) struct Constants(HashMap<Identity, [Tensor<1>; 2]>);
+
+/// All tensors of some scenes and cameras, and more.
+pub(crate) struct Transfer<'a> {
+    pub scenes: &'a mut [Scene],
+    pub cameras: &'a mut [Camera],
+    pub more: &'a mut [Tensor<3>],
+}
+
+impl Transfer<'_> {
+    fn visit(&mut self, visit: &mut impl Visit) {
+        self.scenes.iter_mut().for_each(|s| visit_scene(s, visit));
+        self.cameras.iter_mut().for_each(|c| visit_camera(c, visit));
+        let vertices = ParameterId::Vertices(0);
+        self.more.iter_mut().for_each(|t| visit.visit(vertices, t));
+    }
+
+    /// Puts them on the host, out of their graph; those that were in it are leaves of others, so that checks know them.
+    /// They must be of the context's device, or there. Constants that have an identity there and were read before are not read
+    /// again.
+    ///
+    /// # Errors
+    /// If they can't be read back.
+    pub fn to_host(
+        mut self,
+        context: &Context,
+        constants: &mut Constants,
+        identity: fn(&Tensor<1>) -> Option<Identity>,
+    ) -> Result<()> {
+        let Some(device) = host_device().filter(|_| !is_cpu(&context.device)) else {
+            return Ok(());
+        };
+        let mut gather = Gather {
+            identity,
+            rows: Vec::new(),
+            known: HashMap::new(),
+            of_tensors: Vec::new(),
+        };
+        self.visit(&mut gather);
+        let of_row = |row: &Row| Some(constants.0.get(&row.identity?)?[1].clone());
+        let mut on_host: Vec<Option<Tensor<1>>> = gather.rows.iter().map(of_row).collect();
+        let new = gather
+            .rows
+            .iter()
+            .zip(&on_host)
+            .filter(|row| row.1.is_none());
+        let new: Vec<Tensor<1>> = new.map(|(row, _)| row.tensor.clone()).collect();
+        if !new.is_empty() {
+            let lengths: Vec<usize> = new.iter().map(|t| t.dims()[0]).collect();
+            let mut values = &host_values(&Tensor::cat(new, 0))?[..];
+            let rows = on_host.iter_mut().filter(|row| row.is_none());
+            for (row, length) in rows.zip(lengths) {
+                let data = TensorData::new(values[..length].to_vec(), [length]);
+                *row = Some(Tensor::from_data(data, (&device, context.dtype)));
+                values = &values[length..];
+            }
+        }
+        let on_host: Vec<Tensor<1>> = on_host.into_iter().flatten().collect();
+        constants.0.clear();
+        for (row, values) in gather.rows.into_iter().zip(&on_host) {
+            if let Some(identity) = row.identity {
+                constants.0.insert(identity, [row.tensor, values.clone()]);
+            }
+        }
+        let rows = gather.of_tensors.iter().map(|&row| on_host[row].clone());
+        self.visit(&mut Scatter(rows.collect()));
+        Ok(())
+    }
 }
 
 /// The device of a backend that computes on the host, if one is built in.
 #[allow(unreachable_code)] // One of several ways serves.
-fn host_device() -> Option<Device> {
+pub(crate) fn host_device() -> Option<Device> {
     #[cfg(feature = "flex")]
     return Some(Device::flex());
     #[cfg(feature = "ndarray")]
@@ -54,32 +98,54 @@ fn host_device() -> Option<Device> {
     None
 }
 
-/// All tensors, flat.
-#[derive(Default)]
-struct Gather(Vec<Tensor<1>>);
+/// A tensor, flat, out of its graph, and what it is known by if it was not in one.
+struct Row {
+    tensor: Tensor<1>,
+    identity: Option<Identity>,
+}
+
+/// All tensors, those that are the same once.
+struct Gather {
+    identity: fn(&Tensor<1>) -> Option<Identity>,
+    rows: Vec<Row>,
+    known: HashMap<Identity, usize>,
+    /// The row of each tensor.
+    of_tensors: Vec<usize>,
+}
 
 impl Visit for Gather {
     fn visit<const D: usize>(&mut self, _: ParameterId, tensor: &mut Tensor<D>) {
+        if is_cpu(&tensor.device()) {
+            return;
+        }
         let count: usize = tensor.dims().iter().product();
-        self.0.push(detached(tensor).reshape([count]));
+        let flat = detached(tensor).reshape([count]);
+        let identity = (!tensor.is_tracked()).then(|| (self.identity)(&flat));
+        let identity = identity.flatten();
+        let mut row = self.rows.len();
+        if let Some(identity) = identity {
+            row = *self.known.entry(identity).or_insert(row);
+        }
+        self.of_tensors.push(row);
+        if row == self.rows.len() {
+            self.rows.push(Row {
+                tensor: flat,
+                identity,
+            });
+        }
     }
 }
 
-/// Replaces all tensors by parts of a list.
-struct Scatter {
-    values: Vec<f64>,
-    next: usize,
-    context: Context,
-}
+/// Replaces all tensors by these rows, in their order.
+struct Scatter(VecDeque<Tensor<1>>);
 
 impl Visit for Scatter {
     fn visit<const D: usize>(&mut self, _: ParameterId, tensor: &mut Tensor<D>) {
-        let shape: [usize; D] = tensor.dims();
-        let count = shape.iter().product::<usize>();
-        let range: Range<usize> = self.next..self.next + count;
-        self.next = range.end;
-        let data = TensorData::new(self.values[range].to_vec(), shape);
-        let on_host = Tensor::from_data(data, (&self.context.device, self.context.dtype));
+        if is_cpu(&tensor.device()) {
+            return;
+        }
+        let row = self.0.pop_front().expect("a row for each tensor");
+        let on_host = row.reshape(tensor.dims());
         *tensor = if tensor.is_tracked() {
             on_host.autodiff().require_grad()
         } else {

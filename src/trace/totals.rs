@@ -3,8 +3,8 @@
 //! several replicas; after it these are added to sums of 96 bits.
 //!
 //! A derivative is multiplied by a power of two and rounded. The powers are one for each part of a scene, and
-//! come from the largest derivatives of some of the paths. One that is so large that 64 bits might not hold all of a
-//! launch is not added but counted as lost.
+//! come from the largest derivatives of some of the paths. One that is so much larger that 64 bits might not hold all
+//! of a launch is added to the sums of 96 bits.
 
 #![allow(dead_code, reason = "kernels alone read and call what is here")]
 
@@ -12,17 +12,23 @@ use crate::cube::*;
 
 use super::Derivatives;
 use super::parts::PARTS;
+use crate::model::choice::INFINITY;
 use crate::model::integers::total;
 use crate::model::numbers::{is_nonzero, magnitude};
 use crate::model::{V3, component};
 
-/// Words before the sums of a replica: the largest derivative of each part, by its bits, then the number of those
-/// that no sum holds.
+/// Words before the sums, one a part: the bits of the largest derivative while these are measured; then those of
+/// infinity, if one was not finite or too large for any sum.
 pub(crate) const FIRST_SUM: usize = 16;
-pub(crate) const LOST: usize = 15;
+const _: () = assert!(PARTS <= FIRST_SUM);
 
-/// Behind the scales of all parts: how large a derivative may be, times its scale, to be added.
+/// Behind the scales of all parts: how large a derivative may be, times its scale, to be added to 64 bits; at least
+/// [`LEAST_LIMIT`], above which f32 has no fractions.
 pub(crate) const LIMIT: usize = PARTS;
+pub(crate) const LEAST_LIMIT: i32 = 24;
+
+/// Derivatives, times their scale, that sums of 96 bits have room for are less than 2⁹⁴; by its bits.
+const MOST: u32 = (94 + 127) << 23;
 
 /// The scale of parts of whose derivatives only the sizes are looked at.
 pub(crate) const MEASURE: f32 = 0.0;
@@ -30,6 +36,9 @@ pub(crate) const MEASURE: f32 = 0.0;
 /// The sums that a thread adds to, the scales of their parts, and the derivatives that are summed.
 #[derive(CubeType, Clone, Copy)]
 pub(crate) struct Totals<'a> {
+    /// Of all launches, three words a number, behind those of parts.
+    pub sums: &'a [Atomic<u32>],
+    /// Of this launch, in a replica, two words a number.
     pub totals: &'a [Atomic<u32>],
     pub scales: &'a [f32],
     /// The first sum of each part.
@@ -38,42 +47,86 @@ pub(crate) struct Totals<'a> {
     pub of: Derivatives,
 }
 
+/// 1 if a sum of two words, of which one is given, has wrapped.
+#[cube]
+pub(crate) fn carry(sum: u32, word: u32) -> u32 {
+    let mut carried = 0u32;
+    if sum < word {
+        carried = 1u32;
+    }
+    carried
+}
+
 #[cube]
 impl<'a> Totals<'a> {
     /// Adds a derivative to a sum of a part, or looks at its size alone ([`MEASURE`]).
     pub fn add(&self, at: u32, value: f32, part: u32) {
         if is_nonzero(value) {
             let scale = self.scales[part as usize];
+            let scaled = value * scale;
+            let size = magnitude(scaled);
+            let number = (self.first[part as usize] + at) as usize;
             if scale == MEASURE {
-                self.totals[part as usize].fetch_max(magnitude(value));
-            } else {
-                let scaled = value * scale;
-                // What is infinite or NaN is above every limit.
-                if magnitude(scaled) < self.scales[LIMIT].to_bits() {
-                    let rounded = (scaled.abs() + 0.5).floor();
-                    let upper = (rounded * (1.0f32 / 4_294_967_296.0f32)).floor();
-                    let mut low = (rounded - upper * 4_294_967_296.0) as u32;
-                    let mut high = upper as u32;
-                    if scaled < 0.0 {
-                        // The two's complement.
-                        low = total(!low, 1u32);
-                        high = !high;
-                        if low == 0 {
-                            high = total(high, 1u32);
-                        }
-                    }
-                    let i = FIRST_SUM + 2 * (self.first[part as usize] + at) as usize;
-                    let before = self.totals[i].fetch_add(low);
-                    if total(before, low) < low {
-                        high = total(high, 1u32);
-                    }
-                    if high != 0 {
-                        self.totals[i + 1].fetch_add(high);
-                    }
-                } else {
-                    self.totals[LOST].fetch_add(1u32);
+                self.look_at(part, magnitude(value));
+            } else if size < self.scales[LIMIT].to_bits() {
+                let rounded = (scaled.abs() + 0.5).floor();
+                let upper = (rounded * (1.0f32 / 4_294_967_296.0f32)).floor();
+                let mut low = (rounded - upper * 4_294_967_296.0) as u32;
+                let mut high = upper as u32;
+                if scaled < 0.0 {
+                    // The two's complement.
+                    low = total(!low, 1u32);
+                    high = total(!high, carry(low, 1u32));
                 }
+                let before = self.totals[2 * number].fetch_add(low);
+                high = total(high, carry(total(before, low), low));
+                if high != 0 {
+                    self.totals[2 * number + 1].fetch_add(high);
+                }
+            } else if size < MOST {
+                self.add_large(number, size, scaled < 0.0);
+            } else {
+                // What is infinite or NaN is above every limit.
+                self.look_at(part, INFINITY.runtime());
             }
+        }
+    }
+
+    /// Keeps the largest derivative of a part, by its bits.
+    fn look_at(&self, part: u32, bits: u32) {
+        let largest = &self.sums[part as usize];
+        // Few are larger than those before.
+        if largest.load() < bits {
+            largest.fetch_max(bits);
+        }
+    }
+
+    /// Adds a number of at least 2²⁴, by the bits of its size, to one of 96 bits.
+    fn add_large(&self, number: usize, bits: u32, negative: bool) {
+        let digits = (bits & 0x007f_ffff) | 0x0080_0000u32;
+        let shift = (bits >> 23) - 150u32;
+        let first = shift / 32;
+        let by = shift % 32;
+        let mut carried = 0u32;
+        if negative {
+            carried = 1u32;
+        }
+        let mut k = 0u32;
+        while k < 3 {
+            let mut word = 0u32;
+            if k == first {
+                word = digits << by;
+            }
+            if k == first + 1 {
+                word = (digits >> 1) >> (31 - by);
+            }
+            if negative {
+                word = !word;
+            }
+            let more = total(word, carried);
+            let before = self.sums[FIRST_SUM + 3 * number + k as usize].fetch_add(more);
+            carried = carry(more, carried) + carry(total(before, more), more);
+            k += 1;
         }
     }
 

@@ -6,7 +6,7 @@ use crate::common::scenes::{diffuse, floor, lamp};
 use crate::common::tensors::{gradient, leaf, tensor, values};
 use crate::device::device;
 use burn::tensor::{DType, Device, Tensor};
-use softray::device::read_backs;
+use softray::device::work;
 use softray::prelude::*;
 
 /// Three bodies, of which the last is of two scenes with a map and a lens: kernels of their own.
@@ -40,15 +40,15 @@ fn batch(device: &Device) -> (Batch, Tensor<3>, Tensor<1>) {
 fn on(device: &Device, samples: u32) -> (Vec<f64>, Vec<f64>, [u64; 2]) {
     let (batch, vertices, widths) = batch(device);
     let options = RenderOptions::new(12, 10).samples(samples).bounces(1);
-    let before = read_backs();
+    let before = work();
     let images = render_batch(&batch, &options.seed(4)).expect("images");
-    let of_render = read_backs() - before;
+    let of_render = (work() - before).read_backs;
     let weights: Vec<f64> = (0..5 * 360).map(|i| (0.37 * f64::from(i)).sin()).collect();
     let weights = tensor(&weights, [5, 10, 12, 3], device, DType::F32);
     let loss = (images.radiance.clone() * weights).sum();
-    let before = read_backs();
+    let before = work();
     let gradients = loss.backward();
-    let of_backward = read_backs() - before;
+    let of_backward = (work() - before).read_backs;
     let mut by = gradient(&vertices, &gradients);
     by.extend(gradient(&widths, &gradients));
     (values(&images.radiance), by, [of_render, of_backward])
@@ -70,6 +70,48 @@ fn batches_are_those_of_the_host() {
         assert_eq!(none, [0, 0]);
         // Scenes and cameras together.
         assert_eq!(read, [1, 0]);
+    }
+}
+
+/// A training step has few launches, sends what it needs at once for an image and for its gradient, however many views
+/// there are, and reads back no more than what is in the graph, where another step was before it.
+#[test]
+fn work_of_a_step() {
+    if !alone(work_of_a_step) {
+        return;
+    }
+    for scenes in [1, 64] {
+        let device = device();
+        let ball = shapes::icosahedron(&device).scaled([0.5; 3]);
+        let numbers = ball.vertices.dims()[0] * 3 * scenes;
+        let scene = Scene::new()
+            .with(diffuse(floor(2.0, -0.6, &device), [0.5, 0.4, 0.3]))
+            .with(lamp(0.5, 2.0, [5.0, 4.0, 3.0], &device))
+            .with(diffuse(ball.clone(), [0.3, 0.5, 0.6]).named("body"));
+        let stack = Tensor::stack::<3>(vec![ball.vertices; scenes], 0);
+        let camera = Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+        let batch = Batch::new(vec![scene; scenes], vec![camera]).expect("a batch");
+        let cache = HierarchyCache::default();
+        let options = RenderOptions::new(8, 8).samples(2).bounces(1).cache(&cache);
+        let step = |scale: f64| {
+            let vertices = (stack.clone() * scale).autodiff().require_grad();
+            let batch = batch.clone().with_vertices("body", vertices.clone());
+            let before = work();
+            let images = render_batch(&batch.expect("a batch"), &options).expect("images");
+            let gradients = images.radiance.sum().backward();
+            let step = work() - before;
+            let by = gradient(&vertices, &gradients);
+            assert!(by.iter().any(|&g| g != 0.0));
+            println!("{scenes} scenes: {step:?}");
+            // Two for the image, and of the gradient four where the loss is looked at, four for the sizes of
+            // derivatives, four for paths, two for films, and one before, between and behind.
+            assert!(step.launches <= 20, "{step:?}");
+            assert_eq!((step.uploads, step.read_backs), (2, 1), "{step:?}");
+            step.read_bytes
+        };
+        let [first, second] = [1.0, 1.1].map(step);
+        assert_eq!(second, 4 * numbers as u64);
+        assert!(first > second);
     }
 }
 

@@ -71,8 +71,8 @@ fn a_loss_of_few_pixels() {
     assert!(off(scene, &options(), |image| weighted(image, few)) < 1e-5);
 }
 
-/// A pixel that is not among those that are measured, and counts for far more than all of them: what the first pass
-/// has no room for is measured and added by a second one.
+/// A pixel that is not among those that are measured, and counts for far more than all of them: its derivatives are
+/// added to sums that have more room than those of a launch.
 #[test]
 fn a_pixel_that_counts_for_far_more() {
     let options = RenderOptions::new(128, 128).samples(1).bounces(1).seed(4);

@@ -15,11 +15,11 @@ use crate::kernel::{EdgeSets, KernelScene, View, ViewSettings, Wanted};
 use crate::model::camera::HostCamera;
 use crate::model::filter::Filters;
 use crate::render::batch::{Batch, in_batch};
-use crate::render::cache::LastScene;
+use crate::render::cache::{HierarchyCache, LastScene};
 use crate::render::options::{RenderOptions, sampler};
 use crate::scene::{
-    Camera, Collect, HostScene, ParameterId, Scene, Visit, check_devices, look_at_scene, to_host,
-    visit_camera,
+    Camera, Collect, HostScene, Identity, ParameterId, Scene, Transfer, Visit, check_devices,
+    host_device, look_at_scene, visit_camera,
 };
 use crate::tensors::Visibility;
 
@@ -33,12 +33,16 @@ pub(super) struct Prepared {
     pub lit: bool,
 }
 
-/// The scenes and the cameras of a batch, on the host.
-fn read(batch: &Batch) -> Result<(Vec<HostScene>, Vec<HostCamera>)> {
-    let mut scenes: Vec<Scene> = (0..batch.scenes.len())
-        .map(|index| batch.scene(index, false))
-        .collect();
-    let of_scene = |(index, scene)| check_devices(scene).map_err(in_batch("scene", index));
+/// The scenes and the cameras of a batch, on the host; constants that were read before are not read again.
+fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<HostCamera>)> {
+    let mut batch = batch.clone();
+    let of_scene =
+        |(index, scene): (usize, &Scene)| check_devices(scene).map_err(in_batch("scene", index));
+    // Devices and shapes of the first are those of all.
+    let scenes = batch.scenes_with(|vertices| {
+        let [_, count, _] = vertices.dims();
+        detached(vertices).slice([0..1]).reshape([count, 3])
+    });
     let contexts = scenes.iter().enumerate().map(of_scene);
     let contexts = contexts.collect::<Result<Vec<_>>>()?;
     let context = &contexts[0];
@@ -59,11 +63,26 @@ fn read(batch: &Batch) -> Result<(Vec<HostScene>, Vec<HostCamera>)> {
     // A device that allows too little is told before any kernel runs on it.
     #[cfg(feature = "wgpu")]
     crate::gpu::check(&context.device, std::iter::empty(), false)?;
-    to_host(&mut scenes, &mut cameras, context)?;
-    let read = |(index, scene): (usize, &Scene)| {
-        HostScene::read(scene, context.clone()).map_err(in_batch("scene", index))
+    // Vertices of the batch are read together.
+    let device = host_device().unwrap_or(context.device.clone());
+    batch.scenes = batch.scenes_with(|_| Tensor::zeros([1, 3], &device));
+    let mut vertices: Vec<Tensor<3>> = batch.vertices.iter().map(|v| v.1.clone()).collect();
+    let transfer = Transfer {
+        scenes: &mut batch.scenes,
+        cameras: &mut cameras,
+        more: &mut vertices,
     };
-    let hosts = scenes.par_iter().enumerate().map(read);
+    // Not held meanwhile: other renders may have the same cache.
+    let mut constants = std::mem::take(&mut *last.constants());
+    transfer.to_host(context, &mut constants, identity)?;
+    *last.constants() = constants;
+    let on_host = batch.vertices.iter_mut().zip(vertices);
+    on_host.for_each(|((_, vertices), on_host)| *vertices = on_host);
+    let read = |index: usize| {
+        let scene = batch.scene(index, false);
+        HostScene::read(&scene, context.clone()).map_err(in_batch("scene", index))
+    };
+    let hosts = (0..batch.scenes.len()).into_par_iter().map(read);
     let hosts = hosts.collect::<Result<Vec<_>>>()?;
     let camera = |(index, camera): (usize, &Camera)| {
         let checked = camera.check(None).and_then(|()| HostCamera::new(camera));
@@ -71,6 +90,17 @@ fn read(batch: &Batch) -> Result<(Vec<HostScene>, Vec<HostCamera>)> {
     };
     let cameras = cameras.iter().enumerate().map(camera);
     Ok((hosts, cameras.collect::<Result<_>>()?))
+}
+
+/// What tensors of GPUs are known by.
+fn identity(tensor: &Tensor<1>) -> Option<Identity> {
+    #[cfg(feature = "wgpu")]
+    return crate::gpu::identity(tensor);
+    #[cfg(not(feature = "wgpu"))]
+    {
+        let _ = tensor;
+        None
+    }
 }
 
 /// The scenes as kernels have them; the boxes of the first serve the others, where these have none of their own.
@@ -96,10 +126,10 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     let Visibility::Cone { angle, pixels } = options.visibility else {
         unreachable!("the softmax is for tensors");
     };
-    let (mut hosts, cameras) = read(batch)?;
+    let last = options.cache.clone().unwrap_or_default();
+    let (mut hosts, cameras) = read(batch, &last)?;
     let context = hosts[0].context.clone();
     let lit = hosts.iter().all(HostScene::has_light);
-    let last = options.cache.clone().unwrap_or_default();
     let last = last.scenes(hosts.len());
     let scenes = pack(&mut hosts, &last, options);
 
