@@ -89,7 +89,7 @@ impl Wanted {
     pub fn lengths(&self, scene: &KernelScene) -> [usize; PARTS] {
         let of = &self.of;
         let some = |wanted: bool, count: usize| if wanted { count } else { 0 };
-        let (lists, texels) = (&scene.lists, scene.texels.len());
+        let (lists, texels) = (&scene.lists, scene.texels.0.len());
         let mut lengths = [0; PARTS];
         for (part, length) in [
             (VERTICES, some(of.objects, 3 * scene.vertices())),

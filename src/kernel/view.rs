@@ -6,7 +6,6 @@ use std::sync::{Arc, Once};
 use super::edges::{EdgeSets, ROOM};
 use super::gradient::Wanted;
 use super::scene::KernelScene;
-use super::walk::Work;
 use crate::model::camera::{Camera, HostCamera};
 use crate::model::filter::PixelFilter;
 use crate::model::integers::Wide;
@@ -48,15 +47,6 @@ pub(super) struct Tracer<'a> {
     view: &'a View,
     pub lists: Scene<'a>,
     pub emitters: EmitterLists<'a>,
-}
-
-impl Tracer<'_> {
-    /// The hits of all rays; with `SELECT` of triangles that these see.
-    pub fn find_hits<const ANY: bool, const SELECT: bool>(&self, work: &mut Work) {
-        let (scene, hits) = (&self.scene, &mut work.hits);
-        let holes = scene.holes.as_deref();
-        (scene.hierarchy).hits::<ANY, SELECT>(self.arch, holes, &work.rays, hits);
-    }
 }
 
 impl Deref for Tracer<'_> {
