@@ -99,11 +99,7 @@ impl<F: Fn(u32, f32) -> Counts> Task for Candidates<'_, F> {
             counts: self.counts,
             found: Vec::new(),
         };
-        if wide.nodes.is_empty() {
-            let _ = (0..wide.leaves.len()).all(|leaf| search.leaf(leaf));
-        } else {
-            wide.traverse(&mut search);
-        }
+        wide.traverse(&mut search);
         (search.found, search.limit)
     }
 }

@@ -127,11 +127,7 @@ impl Wide {
                 ray,
                 pierced,
             };
-            if self.nodes.is_empty() {
-                let _ = (0..self.leaves.len()).all(|leaf| nearest.leaf(leaf));
-            } else {
-                self.traverse(&mut nearest);
-            }
+            self.traverse(&mut nearest);
             hits[usize::from(k)] = Hit {
                 t: nearest.hit.t + ray.skipped,
                 ..nearest.hit

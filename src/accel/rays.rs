@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::simd::{F8, LANES, Lanes, Machine};
+use super::simd::{F8, LANES, Lanes, Machine, each_of_three};
 use super::wide::{ROUNDING, Ray8, inverse};
 use crate::cube::*;
 
@@ -104,8 +104,8 @@ impl Rays8 {
         let load = |lanes: &Lanes| F8::load(machine, lanes);
         let splat = |x| F8::splat(machine, x);
         let zero = splat(0.0);
-        let [x, y, z] = [x, y, z].map(all);
-        let [u, v, w] = [u, v, w].map(all);
+        let [x, y, z] = each_of_three!(|a| all(a), [x, y, z]);
+        let [u, v, w] = each_of_three!(|a| all(a), [u, v, w]);
         let along = zero - x.mul_add(u, y.mul_add(v, z * w));
         let far = splat(16.0 * SIZE).less(along.abs());
         let skipped = far.select(along, zero);
@@ -116,8 +116,8 @@ impl Rays8 {
         ];
         let size = x.abs().max(y.abs()).max(z.abs()) + splat(SIZE);
         self.origin = [x.lanes(), y.lanes(), z.lanes()];
-        self.inverse = [u, v, w].map(|d| inverse(machine, d).lanes());
         self.direction = [u.lanes(), v.lanes(), w.lanes()];
+        self.inverse = each_of_three!(|d| inverse(machine, d).lanes(), [u, v, w]);
         self.less_time = (zero - all(time)).lanes();
         self.from = (all(from) - skipped).lanes();
         // Not infinite, so that differences are numbers.
@@ -131,9 +131,9 @@ impl Rays8 {
     pub fn one<M: Machine>(&self, machine: M, i: usize) -> Ray8<M> {
         let splat = |lanes: &Lanes| F8::splat(machine, lanes[i]);
         Ray8 {
-            origin: self.origin.each_ref().map(splat),
-            direction: self.direction.each_ref().map(splat),
-            inverse: self.inverse.each_ref().map(splat),
+            origin: each_of_three!(|x| splat(x), &self.origin),
+            direction: each_of_three!(|x| splat(x), &self.direction),
+            inverse: each_of_three!(|x| splat(x), &self.inverse),
             less_time: splat(&self.less_time),
             from: splat(&self.from),
         }

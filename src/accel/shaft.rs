@@ -1,7 +1,7 @@
 //! Bounds of rays that go the same way: what no ray of them meets is left out for all at once.
 
 use super::rays::{Hit, NOTHING, Rays8};
-use super::simd::{F8, LANES, Lanes, Machine};
+use super::simd::{F8, LANES, Lanes, Machine, each_of_three};
 use super::wide::{Boxes, Node, Visitor, Wide, displaced};
 
 /// Directions have at least this component along the axis of a shaft.
@@ -170,11 +170,7 @@ impl Wide {
             found: &mut found,
         };
         all.limit = all.farthest();
-        if self.nodes.is_empty() {
-            let _ = (0..self.leaves.len()).all(|leaf| all.leaf(leaf));
-        } else {
-            self.traverse(&mut all);
-        }
+        self.traverse(&mut all);
         for (k, hit) in hits.iter_mut().enumerate() {
             let (eight, i) = (&rays[k / LANES], k % LANES);
             *hit = Hit {
@@ -233,8 +229,8 @@ impl<M: Machine, const ANY: bool> Visitor for InShaft<'_, M, ANY> {
         let splat = |x| F8::splat(machine, x);
         for (eight, found) in self.rays.iter_mut().zip(&mut *self.found) {
             let load = |lanes: &Lanes| F8::load(machine, lanes);
-            let at_rest = eight.origin.each_ref().map(load);
-            let direction = eight.direction.each_ref().map(load);
+            let at_rest = each_of_three!(|x| load(x), &eight.origin);
+            let direction = each_of_three!(|x| load(x), &eight.direction);
             let (less_time, from) = (load(&eight.less_time), load(&eight.from));
             let below = splat(0.0) - load(&eight.margin);
             let (mut limit, mut which) = (load(&eight.limit), load(found));
@@ -244,7 +240,10 @@ impl<M: Machine, const ANY: bool> Visitor for InShaft<'_, M, ANY> {
                 left &= left - 1;
                 let one = |lanes: &Lanes| splat(lanes[i]);
                 let origin = match velocity {
-                    Some(velocity) => displaced(&at_rest, velocity.each_ref().map(one), less_time),
+                    Some(velocity) => {
+                        let velocity = each_of_three!(|x| one(x), velocity);
+                        displaced(&at_rest, velocity, less_time)
+                    }
                     None => at_rest,
                 };
                 let planes = leaf.meet(one, &origin, &direction);

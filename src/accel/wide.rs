@@ -1,6 +1,6 @@
 //! A tree of nodes with eight boxes and leaves with eight triangles.
 
-use super::simd::{F8, LANES, Lanes, Machine, Mask8};
+use super::simd::{F8, LANES, Lanes, Machine, Mask8, each_of_three};
 use super::triangle::HostTriangle;
 use glam::Vec3;
 use obvhs::aabb::Aabb;
@@ -171,7 +171,10 @@ impl Leaf {
     ) -> Planes8<M> {
         let load = |lanes: &Lanes| F8::load(machine, lanes);
         let origin = match velocity {
-            Some(velocity) => displaced(&ray.origin, velocity.each_ref().map(load), ray.less_time),
+            Some(velocity) => {
+                let velocity = each_of_three!(|x| load(x), velocity);
+                displaced(&ray.origin, velocity, ray.less_time)
+            }
             None => ray.origin,
         };
         self.meet(load, &origin, &ray.direction)
@@ -241,11 +244,11 @@ impl<M: Machine> Ray8<M> {
     #[inline(always)]
     pub fn new(machine: M, origin: Vec3, direction: Vec3, time: f32, from: f32) -> Self {
         let splat = |x| F8::splat(machine, x);
-        let direction = direction.to_array().map(splat);
+        let direction = each_of_three!(|x| splat(x), direction.to_array());
         Self {
-            origin: origin.to_array().map(splat),
+            origin: each_of_three!(|x| splat(x), origin.to_array()),
             direction,
-            inverse: direction.map(|d| inverse(machine, d)),
+            inverse: each_of_three!(|d| inverse(machine, d), direction),
             less_time: splat(-time),
             from: splat(from),
         }
@@ -326,10 +329,16 @@ impl Wide {
     /// Takes a visitor to all leaves that its rays may hit, the nearer child of a node first.
     #[inline(always)]
     pub fn traverse(&self, visitor: &mut impl Visitor) {
-        let mut stack = [(0u32, 0f32); 64];
-        stack[0].1 = f32::NEG_INFINITY;
+        let mut stack = [(0, f32::NEG_INFINITY); 64];
         let mut spilled: Vec<(u32, f32)> = Vec::new();
         let mut len = 1;
+        if self.nodes.is_empty() {
+            // Few leaves, the first on top.
+            len = self.leaves.len();
+            for (i, top) in stack[..len].iter_mut().enumerate() {
+                top.0 = 2 * (len - 1 - i) as u32 + 1;
+            }
+        }
         loop {
             let (index, near) = if len > 0 {
                 len -= 1;

@@ -21,11 +21,18 @@ impl PathBlock<'_> {
         let count = self.paths.len();
         walks.clear(count);
         leave_cameras(self, walks, work);
-        self.find_hits::<false, false>(work);
+        self.find_hits::<false>(work);
         work.counts.rays += count as u64;
         work.counts.add_bounces_at(0, count);
         begin(self, walks, work);
         self.reflected(walks, work);
+    }
+
+    /// The hits of all rays.
+    fn find_hits<const ANY: bool>(&self, work: &mut Work) {
+        let (scene, hits) = (&self.scene, &mut work.hits);
+        let holes = scene.holes.as_deref();
+        (scene.hierarchy).hits::<ANY, false>(self.arch, holes, &work.rays, hits);
     }
 
     /// Adds the light that the surface points of the first level reflect towards the points that see them, times their
@@ -52,12 +59,12 @@ impl PathBlock<'_> {
                 paths.for_each(|path| walks.list[path as usize].rays += 1);
             }
             if last {
-                self.find_hits::<true, false>(work);
+                self.find_hits::<true>(work);
                 escape(self, level, &mut walks.list, work);
                 return;
             }
             self.bounce += 1;
-            self.find_hits::<false, false>(work);
+            self.find_hits::<false>(work);
             work.counts.add_bounces_at(self.bounce, work.rays.len());
             let next = if self.kept.levels { at + 1 } else { 1 - at };
             let mut to = std::mem::take(walks.level(next));
@@ -90,7 +97,7 @@ impl PathBlock<'_> {
         if self.features.gathers_map {
             direct_from_map(self, level, last, work);
         }
-        self.find_hits::<true, false>(work);
+        self.find_hits::<true>(work);
         work.counts.rays += work.rays.len() as u64;
         if self.kept.counts {
             let paths = work.candidates.iter().map(|candidate| candidate.path);

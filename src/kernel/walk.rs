@@ -20,15 +20,6 @@ pub(super) const TOGETHER: usize = 64;
 /// Samples of a pixel that go together, at most.
 pub(super) const RUN: usize = 8;
 
-impl Tracer<'_> {
-    /// The hits of all rays; with `SELECT` of triangles that these see.
-    pub fn find_hits<const ANY: bool, const SELECT: bool>(&self, work: &mut Work) {
-        let (scene, hits) = (&self.scene, &mut work.hits);
-        let holes = scene.holes.as_deref();
-        (scene.hierarchy).hits::<ANY, SELECT>(self.arch, holes, &work.rays, hits);
-    }
-}
-
 /// The constants of a path.
 #[derive(Clone, Copy)]
 pub(crate) struct Path {

@@ -52,6 +52,20 @@ macro_rules! stage {
 }
 pub(crate) use stage;
 
+/// A function of each of three numbers, written out: a closure that `map` of arrays is given may not be inlined.
+macro_rules! each_of_three {
+    (|$x:ident| $value:expr, $three:expr) => {{
+        let [a, b, c] = $three;
+        let ($x, second, third) = (a, b, c);
+        let first = $value;
+        let $x = second;
+        let second = $value;
+        let $x = third;
+        [first, second, $value]
+    }};
+}
+pub(super) use each_of_three;
+
 struct OnMachine<T, M>(T, M);
 
 impl<T: Task, M: Machine> pulp::WithSimd for OnMachine<T, M> {

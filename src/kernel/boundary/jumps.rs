@@ -7,7 +7,7 @@ use crate::kernel::backward::Return;
 use crate::kernel::edges::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
 use crate::kernel::eights::Eight;
 use crate::kernel::path::{draw_emitters, drawn_by};
-use crate::kernel::view::Tracer;
+use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Back, Kept, Level, Path, PathBlock, Walks, Work};
 use crate::lanes::{LANES, Record};
 use crate::model::bsdf::normals_differ;
@@ -84,7 +84,7 @@ impl Return<'_> {
             let ray = found.approach().ray(time, found.jump.limit);
             work.rays.push(ray);
         }
-        self.find_hits::<true, true>(work);
+        find_beside::<true>(self, work);
         shadows_backward(self, &shadows, back, work);
         let approaches: Vec<Approach> = reflections.iter().map(Found::approach).collect();
         let sides = sampler(&self.lists, OF_SIDES);
@@ -103,6 +103,12 @@ impl Return<'_> {
     }
 }
 
+/// The hits of rays past edges. Apart from those of paths, so that compilers inline both.
+fn find_beside<const ANY: bool>(view: &View, work: &mut Work) {
+    let holes = view.scene.holes.as_deref();
+    (view.scene.hierarchy).hits::<ANY, true>(view.arch, holes, &work.rays, &mut work.hits);
+}
+
 /// Finds the light beside points of edges, of paths that begin there at a bounce if they go on; with `film` what the
 /// camera sees of it. None where something hides the edge.
 pub(super) fn light_beside(
@@ -118,7 +124,7 @@ pub(super) fn light_beside(
         let ray = approach.ray(path.time, f32::INFINITY);
         work.rays.push(ray);
     }
-    tracer.find_hits::<false, true>(work);
+    find_beside::<false>(tracer, work);
     let mut walks = std::mem::take(&mut work.side_walks);
     walks.clear(WALKS * approaches.len());
     begin_beside(tracer, approaches, paths, film, &mut walks, work);
