@@ -102,10 +102,12 @@ fn scale_of(largest: u32, of_all: u32, keep: i32) -> f32 {
 pub(super) fn choose_scales(sizes: &[u32], scales: &mut [f32], keep: i32) {
     if ABSOLUTE_POS < PARTS {
         let mut most = 0u32;
-        for part in 0..PARTS {
+        let mut part = 0usize;
+        while part < PARTS {
             if sizes[part] < INFINITY {
                 most = most.max(sizes[part]);
             }
+            part += 1;
         }
         if most == 0 {
             // Nothing was reached, perhaps since the loss depends on few pixels.

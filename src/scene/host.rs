@@ -90,7 +90,7 @@ impl HostScene {
             cameras: &mut [],
             more: &mut [],
         };
-        transfer.to_host(&context, &mut Constants::default(), |_| None)?;
+        transfer.fetch(&context, &mut Constants::default(), |_| None)?;
         Self::read(&scene, context)
     }
 

@@ -40,7 +40,7 @@ impl Transfer<'_> {
     ///
     /// # Errors
     /// If they can't be read back.
-    pub fn to_host(
+    pub fn fetch(
         mut self,
         context: &Context,
         constants: &mut Constants,

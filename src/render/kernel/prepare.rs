@@ -74,7 +74,7 @@ fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<Hos
     };
     // Not held meanwhile: other renders may have the same cache.
     let mut constants = std::mem::take(&mut *last.constants());
-    transfer.to_host(context, &mut constants, identity)?;
+    transfer.fetch(context, &mut constants, identity)?;
     *last.constants() = constants;
     let on_host = batch.vertices.iter_mut().zip(vertices);
     on_host.for_each(|((_, vertices), on_host)| *vertices = on_host);
