@@ -27,8 +27,9 @@ const _: () = assert!(PARTS <= FIRST_SUM);
 pub(crate) const LIMIT: usize = PARTS;
 pub(crate) const LEAST_LIMIT: i32 = 24;
 
-/// Derivatives, times their scale, that sums of 96 bits have room for are less than 2⁹⁴; by its bits.
-const MOST: u32 = (94 + 127) << 23;
+/// Derivatives, times their scale, that are added to sums of 96 bits are less than 2⁷⁸, so that 2¹⁷ of the largest have
+/// room; by its bits.
+const MOST: u32 = (78 + 127) << 23;
 
 /// The scale of parts of whose derivatives only the sizes are looked at.
 pub(crate) const MEASURE: f32 = 0.0;

@@ -131,8 +131,8 @@ impl View {
         }
     }
 
-    /// Cuts off what can't be seen of a part of an edge, whose ends are in the camera's frame; returns what is left of
-    /// it, and its ends on the film, with their depths and the probability that a point there is seen.
+    /// Cuts off what can't be seen of a part of an edge, whose ends are in the camera's frame; returns the part that
+    /// can be seen, and its ends on the film, with their depths and the probability that a point there is seen.
     fn on_film(
         &self,
         mut part: [f32; 2],
