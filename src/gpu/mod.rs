@@ -33,7 +33,6 @@ mod passes;
 mod path;
 mod pixel_gradients;
 mod records;
-mod searches;
 mod sums;
 mod walk;
 
