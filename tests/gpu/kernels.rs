@@ -6,6 +6,7 @@ use crate::common::facets::{clamped_cases, facet_cases};
 use crate::common::gradients::{
     CONES, Case as Class, Effort, Setup, all_classes, assert_agreement, lights, of_seed,
 };
+use crate::common::long;
 use crate::common::numbers::{apart, largest, norm, pairs};
 use crate::common::scenes::{diffuse, emitting, facing_front, floor, lamp, scene_file};
 use crate::common::tensors::{gradient, leaf, radiance, tensor, values, with_leaves};
@@ -265,13 +266,18 @@ fn derivatives_of_emissive_textures() {
     }
 }
 
-/// Every parameter of BSDFs of facets, at one seed.
+/// Every parameter of BSDFs of facets, at one seed; in the short tier those that turn no directions: the kernel of jumps that
+/// metals reflect takes a software driver three minutes and 17 GB to compile.
 #[test]
 fn derivatives_of_facets() {
     let (gpu, cpu) = (device(), Device::flex());
     let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
     let effort = EIGHT;
-    assert_agreement(&facet_cases(), setups, DType::F32, effort, limit);
+    let turn_none = ["base colour", "metallic", "eta", "extinction"];
+    let mut cases = facet_cases();
+    cases.retain(|case| long() || turn_none.contains(&case.name));
+    assert!(cases.len() >= turn_none.len());
+    assert_agreement(&cases, setups, DType::F32, effort, limit);
 }
 
 /// Parameters outside of their ranges have no gradient, as on the host.
