@@ -218,7 +218,7 @@ impl Adding {
         let first = first_total(thread % self.replicas, self.numbers);
         sums_of(Totals::<'a> {
             sums: self.sums,
-            totals: &self.sums[first..],
+            replica: first as u32,
             scales,
             first: scene.first_sums,
             of: comptime!(self.of),

@@ -31,16 +31,19 @@ pub(crate) const LEAST_LIMIT: i32 = 24;
 /// room; by its bits.
 const MOST: u32 = (78 + 127) << 23;
 
+/// The least size, by its bits, of numbers without fractions.
+const OF_WHOLES: u32 = (24 + 127) << 23;
+
 /// The scale of parts of whose derivatives only the sizes are looked at.
 pub(crate) const MEASURE: f32 = 0.0;
 
 /// The sums that a thread adds to, the scales of their parts, and the derivatives that are summed.
 #[derive(CubeType, Clone, Copy)]
 pub(crate) struct Totals<'a> {
-    /// Of all launches, three words a number, behind those of parts.
+    /// Of all launches, three words a number, behind those of parts; then those of replicas.
     pub sums: &'a [Atomic<u32>],
-    /// Of this launch, in a replica, two words a number.
-    pub totals: &'a [Atomic<u32>],
+    /// The first word of the replica for this launch, which has two words a number.
+    pub replica: u32,
     pub scales: &'a [f32],
     /// The first sum of each part.
     pub first: &'a [u32],
@@ -66,26 +69,10 @@ impl<'a> Totals<'a> {
             let scale = self.scales[part as usize];
             let scaled = value * scale;
             let size = magnitude(scaled);
-            let number = (self.first[part as usize] + at) as usize;
             if scale == MEASURE {
                 self.look_at(part, magnitude(value));
-            } else if size < self.scales[LIMIT].to_bits() {
-                let rounded = (scaled.abs() + 0.5).floor();
-                let upper = (rounded * (1.0f32 / 4_294_967_296.0f32)).floor();
-                let mut low = (rounded - upper * 4_294_967_296.0) as u32;
-                let mut high = upper as u32;
-                if scaled < 0.0 {
-                    // The two's complement.
-                    low = total(!low, 1u32);
-                    high = total(!high, carry(low, 1u32));
-                }
-                let before = self.totals[2 * number].fetch_add(low);
-                high = total(high, carry(total(before, low), low));
-                if high != 0 {
-                    self.totals[2 * number + 1].fetch_add(high);
-                }
             } else if size < MOST {
-                self.add_large(number, size, scaled < 0.0);
+                self.add_whole(self.first[part as usize] + at, scaled, size);
             } else {
                 // What is infinite or NaN is above every limit.
                 self.look_at(part, INFINITY.runtime());
@@ -102,31 +89,43 @@ impl<'a> Totals<'a> {
         }
     }
 
-    /// Adds a number of at least 2²⁴, by the bits of its size, to one of 96 bits.
-    fn add_large(&self, number: usize, bits: u32, negative: bool) {
-        let digits = (bits & 0x007f_ffff) | 0x0080_0000u32;
-        let shift = (bits >> 23) - 150u32;
-        let first = shift / 32;
-        let by = shift % 32;
-        let mut carried = 0u32;
-        if negative {
-            carried = 1u32;
+    /// Adds a number, rounded, to one of 64 bits, or of 96 bits if its size, by its bits, is over the limit.
+    fn add_whole(&self, number: u32, scaled: f32, size: u32) {
+        let mut words = 2u32;
+        let mut first = self.replica + 2 * number;
+        if size >= self.scales[LIMIT].to_bits() {
+            words = 3u32;
+            first = FIRST_SUM as u32 + 3 * number;
         }
+        let mut digits = (scaled.abs() + 0.5).floor() as u32;
+        let mut shift = 0u32;
+        if size >= OF_WHOLES {
+            digits = (size & 0x007f_ffff) | 0x0080_0000u32;
+            shift = (size >> 23) - 150u32;
+        }
+        let by = shift % 32;
+        // The two's complement of negative numbers.
+        let mut flip = 0u32;
+        if scaled < 0.0 {
+            flip = 0xffff_ffffu32;
+        }
+        let mut carried = flip & 1;
         let mut k = 0u32;
-        while k < 3 {
+        while k < words {
             let mut word = 0u32;
-            if k == first {
+            if k == shift / 32 {
                 word = digits << by;
             }
-            if k == first + 1 {
+            if k == shift / 32 + 1 {
                 word = (digits >> 1) >> (31 - by);
             }
-            if negative {
-                word = !word;
-            }
+            word = word ^ flip;
             let more = total(word, carried);
-            let before = self.sums[FIRST_SUM + 3 * number + k as usize].fetch_add(more);
-            carried = carry(more, carried) + carry(total(before, more), more);
+            carried = carry(more, carried);
+            if more != 0 {
+                let before = self.sums[(first + k) as usize].fetch_add(more);
+                carried += carry(total(before, more), more);
+            }
             k += 1;
         }
     }
