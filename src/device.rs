@@ -155,6 +155,11 @@ pub struct Work {
     pub read_backs: u64,
     /// The bytes of these tensors.
     pub read_bytes: u64,
+    /// The searches for edges that points of paths made in backward passes of renders with statistics.
+    pub searches: u64,
+    /// The searches that as many threads could have made as were busy until the last of 32 that run in step had made
+    /// its own: [`Work::searches`] over this is the share of lanes that a warp keeps busy.
+    pub search_lanes: u64,
 }
 
 impl Sub for Work {
@@ -167,6 +172,8 @@ impl Sub for Work {
             uploaded_bytes: self.uploaded_bytes - before.uploaded_bytes,
             read_backs: self.read_backs - before.read_backs,
             read_bytes: self.read_bytes - before.read_bytes,
+            searches: self.searches - before.searches,
+            search_lanes: self.search_lanes - before.search_lanes,
         }
     }
 }
@@ -182,6 +189,8 @@ static WORK: Mutex<Work> = Mutex::new(Work {
     uploaded_bytes: 0,
     read_backs: 0,
     read_bytes: 0,
+    searches: 0,
+    search_lanes: 0,
 });
 
 fn lock() -> MutexGuard<'static, Work> {
@@ -200,6 +209,16 @@ pub(crate) fn count_upload(bytes: usize) {
     let mut work = lock();
     work.uploads += 1;
     work.uploaded_bytes += bytes as u64;
+}
+
+/// Counts searches for edges by points, in the order of their threads.
+#[cfg(feature = "wgpu")]
+pub(crate) fn count_searches(of_points: &[u32]) {
+    const WARP: usize = 32;
+    let lanes = |warp: &[u32]| (WARP as u32 * warp.iter().max().unwrap_or(&0)) as u64;
+    let mut work = lock();
+    work.searches += of_points.iter().map(|&n| u64::from(n)).sum::<u64>();
+    work.search_lanes += of_points.chunks(WARP).map(lanes).sum::<u64>();
 }
 
 /// Counts a read-back of so many numbers of 32 bits, where the device is not a CPU.

@@ -1,7 +1,5 @@
 //! What kernels ask of a device, lists of numbers there, and burn's tensors.
 
-use std::ops::Range;
-
 use burn::backend::ops::{FloatTensorOps, IntTensorOps};
 use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::backend::wgpu::{CubeBackend, CubeTensor};
@@ -113,15 +111,24 @@ pub(super) fn zeros(like: &FloatTensor<Cube>, shape: Shape) -> (FloatTensor<Cube
     (tensor, list)
 }
 
-/// Some rows of a tensor of two axes, in the order of its axes.
-pub(super) fn rows_of(tensor: &FloatTensor<Cube>, rows: Range<usize>) -> FloatTensor<Cube> {
-    let columns = tensor.shape()[1];
-    let shape = Shape::from([rows.len(), columns]);
-    let room = Cube::float_zeros(shape, &tensor.device(), FloatDType::F32);
-    let all = |length: usize| Slice::from(0..length);
-    let part = Cube::float_slice(tensor.clone(), &[Slice::from(rows.clone()), all(columns)]);
+/// The rows of some views, each of so many rows of a tensor of two axes, in the order of its axes.
+pub(super) fn rows_of(
+    tensor: &FloatTensor<Cube>,
+    views: &[usize],
+    of_view: usize,
+) -> FloatTensor<Cube> {
+    let columns = Slice::from(0..tensor.shape()[1]);
+    let shape = Shape::from([views.len() * of_view, tensor.shape()[1]]);
     // Expanded and transposed tensors have their numbers elsewhere.
-    Cube::float_slice_assign(room, &[all(rows.len()), all(columns)], part)
+    let mut room = Cube::float_zeros(shape, &tensor.device(), FloatDType::F32);
+    let mut past = 0;
+    for run in views.chunk_by(|a, b| a + 1 == *b) {
+        let rows = |first: usize| Slice::from(first * of_view..(first + run.len()) * of_view);
+        let part = Cube::float_slice(tensor.clone(), &[rows(run[0]), columns]);
+        room = Cube::float_slice_assign(room, &[rows(past), columns], part);
+        past += run.len();
+    }
+    room
 }
 
 /// A tensor of whole numbers that are 0, and their list.

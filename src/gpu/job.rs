@@ -47,12 +47,14 @@ pub(crate) struct Job {
     pub from: u32,
     pub samples: u32,
     pub outputs: Outputs,
+    /// Whether its backward pass reads back how many searches for edges are made.
+    pub statistics: bool,
 }
 
 /// Paths of a launch at most, so that no launch is long.
 pub(super) const PATHS: usize = 1 << 20;
 /// Threads of a workgroup.
-const GROUP: u32 = 64;
+pub(super) const GROUP: u32 = 64;
 
 /// Workgroups for so many threads, and the size of each.
 pub(super) fn groups(threads: usize) -> (CubeCount, CubeDim) {

@@ -1,7 +1,5 @@
 //! Jumps of the light that arrives at a point of a path, and the light beside edges, in a thread of a GPU: that of paths
 //! that start on both sides, from the faces there or from the surface behind.
-//!
-//! Calls are inlined in a kernel, so shadows of emitters and reflected light take turns in one loop.
 
 use crate::cube::*;
 
@@ -9,13 +7,13 @@ use super::camera::Beginning;
 use super::hit::{Memory, Ray, trace};
 use super::packed::OF_TREE;
 use super::path::light_of;
+use super::searches::Searches;
 use super::walk::Start;
 use crate::accel::Hit;
 use crate::kernel::{DrawnEdge, NO_EDGE, Root, draw_edge};
 use crate::model::Pair;
 use crate::model::bsdf::normals_differ;
 use crate::model::choice::decided_by;
-use crate::model::jumps::{SEARCH_SETS, searches};
 use crate::sampling::Dimensions;
 use crate::trace::{
     Approach, EdgeView, Jump, NONE, OF_EDGES, OF_SIDES, Observer, PointGradient, Scene, Search,
@@ -39,7 +37,7 @@ fn root_of<'a>(scene: &Scene<'a>, tree: u32, #[comptime] has_nodes: bool) -> Roo
     }
 }
 
-/// Adds the derivatives by jumps at edges seen from a point of a path.
+/// Adds the derivatives by jumps at edges of shadows of emitters seen from a point of a path, or at edges that it reflects.
 #[cube]
 pub(super) fn jumps_seen_from(
     scene: &Scene,
@@ -48,33 +46,19 @@ pub(super) fn jumps_seen_from(
     path: &Beginning,
     observer: &Observer,
     by: &mut PointGradient,
+    #[comptime] of_light: bool,
 ) {
     let mut edge_room = Array::<u32>::new(sums.of.edge_room);
     let edges = edge_room.as_mut_slice();
     let numbers = sampler(scene, OF_EDGES).stream(path.numbers.pixel, path.numbers.sample);
     let time = path.time;
-    let mut turn = 1u32;
-    if comptime!(scene.features.emitters) {
-        turn = 0u32;
-    }
-    let mut again = 0u32;
-    while turn < 2 {
-        let of_light = turn == 0;
-        let count = searches(of_light, observer.counts);
-        let o: Observer = observer.part(count);
-        let first = 3 * o.bounce + SEARCH_SETS * again;
-        let drawn = numbers.draw(scene.points, Dimensions::of_set(first + 2 * turn));
-        let mut more = drawn;
-        if of_light {
-            more = numbers.draw(scene.points, Dimensions::of_set(first + 1));
-        }
-        again += 1;
-        if again >= count {
-            again = 0u32;
-            turn += 1;
-        }
+    let (bounce, counts) = (observer.bounce, observer.counts);
+    let mut all = Searches::new(counts, of_light);
+    all.next(scene, &numbers, bounce, counts, of_light);
+    while all.made {
+        let o: Observer = observer.part(all.count);
         let choice = memory.choice.as_mut_slice();
-        let s: Search = search(scene, drawn, more, &o, of_light, time, choice, sums);
+        let s: Search = search(scene, all.drawn, all.more, &o, of_light, time, choice, sums);
         let mut tree = 0u32;
         if !s.moves {
             tree = 1u32;
@@ -94,11 +78,12 @@ pub(super) fn jumps_seen_from(
             while k < e.past {
                 let jump: Jump = jump_at(scene, &o, &s, &e, k);
                 if jump.limit > 0.0 {
-                    add_jump(scene, memory, sums, path, &o, &s, &e, &jump, of_light, by);
+                    add_jump(scene, memory, sums, path, &o, &s, &e, &jump, by, of_light);
                 }
                 k += 1;
             }
         }
+        all.next(scene, &numbers, bounce, counts, of_light);
     }
 }
 
@@ -113,8 +98,8 @@ fn add_jump(
     s: &Search,
     e: &EdgeView,
     jump: &Jump,
-    of_light: bool,
     by: &mut PointGradient,
+    #[comptime] of_light: bool,
 ) {
     let time = path.time;
     let p = e.point;

@@ -1,8 +1,6 @@
 //! The backward pass on burn's devices: derivatives are measured, then added up and turned into gradients, without the
 //! host in between.
 
-use std::ops::Range;
-
 use burn::backend::Cube;
 use burn::backend::tensor::FloatTensor;
 use burn::cubecl::prelude::*;
@@ -14,10 +12,11 @@ use super::gradient::{Table, ViewPlaces, write_gradient};
 use super::job::{Job, PATHS, Piece, launch};
 use super::passes::{LossLaunch, add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};
+use super::searches::{add_before, count_searches, in_order, places_of_order, words_of_order};
 use super::sums::{
     AddingLaunch, MORE, TYPICAL, add_replicas, bits_of_each, choose_scales, clear, words_of_sums,
 };
-use crate::device::label;
+use crate::device::{self, label};
 use crate::trace::{BOUNCES, FIRST_SUM, Features, MEASURE, PARTS};
 
 /// Words of a launch's records at most.
@@ -32,16 +31,15 @@ const MEASURED: usize = 4096;
 pub(crate) fn gradient_of(
     device: &Device,
     upstream: &FloatTensor<Cube>,
-    jobs: &[(Range<usize>, Job)],
+    jobs: &[(Vec<usize>, Job)],
     views: &[ViewPlaces],
     numbers: usize,
 ) -> FloatTensor<Cube> {
     let fail = |why: String| -> ! { panic!("device {}: {why}", label(device)) };
     let (gradient, list) = zeros(upstream, Shape::from([numbers]));
-    for (range, job) in jobs {
-        let rows = range.start * job.of_view..range.end * job.of_view;
-        let views = &views[range.clone()];
-        let films = Films::new(views, job);
+    for (group, job) in jobs {
+        let views: Vec<ViewPlaces> = group.iter().map(|&view| views[view]).collect();
+        let films = Films::new(&views, job);
         let lists = [
             ("the list of edges on films", films.pieces.len()),
             ("the table of pixels", films.table.len()),
@@ -56,7 +54,8 @@ pub(crate) fn gradient_of(
         {
             fail(format!("more than {WHOLE} edges or cells of 8 × 8 pixels"));
         }
-        Pass::new(rows_of(upstream, rows), job, &films, views).run(&list);
+        let rows = rows_of(upstream, group, job.of_view);
+        Pass::new(rows, job, &films, &views).run(&list);
     }
     // Buffers that could not be had and kernels that could not be compiled are known now.
     let (client, _) = floats(gradient.clone());
@@ -100,6 +99,7 @@ impl<'a> Pass<'a> {
         let (client, upstream) = floats(upstream);
         let of_path = of_path(job);
         let at_once = (RECORDS / of_path).clamp(1, job.count() * job.samples as usize);
+        let order = words_of_order(at_once * points(job));
         let most = (at_once * points(job)).max(PATHS.min(films.samples as usize));
         let bits = bits_of_each(16 * most as u64);
         let mut scales = vec![MEASURE; PARTS];
@@ -121,7 +121,7 @@ impl<'a> Pass<'a> {
         let pass = Self {
             scene: job.lists(&client),
             upstream,
-            records: List::room(&client, of_path * at_once),
+            records: List::room(&client, of_path * at_once + order),
             pieces,
             table,
             scales,
@@ -148,6 +148,7 @@ impl<'a> Pass<'a> {
         launch!(&self.client, self.sums.length, clear(&self.sums));
         for piece in self.job.pieces(self.at_once) {
             self.add_paths(piece, &self.sums);
+            self.count_searches(piece);
             self.fold();
         }
         let samples = self.films.samples as usize;
@@ -231,17 +232,58 @@ impl<'a> Pass<'a> {
             keep_paths(paths(), loss(), &self.records)
         );
         if self.job.views.derivatives.jumps {
+            let points = threads * points(self.job);
+            let (first, count) = places_of_order(of_path(self.job) * threads, points);
             launch!(
                 &self.client,
-                threads * points(self.job),
-                add_jumps(paths(), loss(), &self.records, self.adding(to))
+                points,
+                count_searches(paths(), loss(), &self.records, points as u32)
             );
+            launch!(&self.client, 1, add_before(&self.records, first, count));
+            // Each kernel is small, and threads of a warp do alike.
+            let emitters = self.job.views.features.emitters;
+            for of_light in [true, false]
+                .into_iter()
+                .filter(|&of_light| emitters || !of_light)
+            {
+                let adding = self.adding(to);
+                launch!(
+                    &self.client,
+                    points,
+                    add_jumps(
+                        paths(),
+                        loss(),
+                        &self.records,
+                        adding,
+                        points as u32,
+                        of_light
+                    )
+                );
+            }
         }
         launch!(
             &self.client,
             threads,
             go_back(paths(), loss(), &self.records, self.adding(to))
         );
+    }
+
+    /// Reads back how many searches for edges points made, where that is asked for.
+    fn count_searches(&self, piece: Piece) {
+        let job = self.job;
+        if !(job.statistics && job.views.derivatives.jumps) {
+            return;
+        }
+        let threads = piece.threads() as usize;
+        let (records, points) = (of_path(job) * threads, threads * points(job));
+        let past = records + words_of_order(points);
+        let handle = self.records.handle.clone().offset_start(4 * records as u64);
+        let handle = handle.offset_end(4 * (self.records.length - past) as u64);
+        // A device that is lost says so where the gradient is checked.
+        if let Ok(bytes) = self.client.read_one(handle) {
+            let searches = in_order(u32::from_bytes(&bytes), points);
+            searches.iter().for_each(|n| device::count_searches(n));
+        }
     }
 
     /// Samples on films from a first one on, of all views, or `spread` of each.

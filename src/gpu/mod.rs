@@ -33,6 +33,7 @@ mod passes;
 mod path;
 mod pixel_gradients;
 mod records;
+mod searches;
 mod sums;
 mod walk;
 

@@ -2,7 +2,6 @@
 //! for each view, which says where the lists of its [`Scene`] lie; views share what is the same.
 
 use std::collections::HashMap;
-use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use burn::cubecl::prelude::{Client, CubeElement};
@@ -34,8 +33,8 @@ pub(crate) struct Packed {
     sent: OnceLock<[List; 3]>,
 }
 
-/// Views in groups of such as follow each other and have the same kernels.
-pub(crate) fn pack(views: &[&View]) -> Vec<(Range<usize>, Packed)> {
+/// The numbers of views in groups that have the same kernels.
+pub(crate) fn pack(views: &[&View]) -> Vec<(Vec<usize>, Packed)> {
     // Views of one scene share its lists: those of the first.
     let mut known = HashMap::new();
     let of_view: Vec<usize> = (0..views.len())
@@ -57,31 +56,47 @@ pub(crate) fn pack(views: &[&View]) -> Vec<(Range<usize>, Packed)> {
         let features = Features {
             boxes: !scene(v).tree.boxes.is_empty(),
             // Few sizes, so that kernels serve when a tree has grown.
-            stack: scene(v).tree.depth.next_power_of_two().max(32),
+            stack: scene(v).tree.depth.next_power_of_two().max(64),
             ..views[v].features
         };
         (features, views[v].wanted.of)
     };
     let mut groups = Vec::new();
-    let mut first = 0;
-    while first < views.len() {
-        let (mut past, mut numbers) = (first, 0);
-        while past < views.len() && past - first < VIEWS && kernels(past) == kernels(first) {
-            if !of_view[first..past].contains(&of_view[past]) {
-                numbers += scene(past).numbers(views[past]);
+    for list in alike(views.len(), kernels) {
+        let (features, derivatives) = kernels(list[0]);
+        let mut list = &list[..];
+        while !list.is_empty() {
+            let (mut past, mut numbers) = (0, 0);
+            while past < list.len().min(VIEWS) {
+                let v = list[past];
+                if !list[..past].iter().any(|&w| of_view[w] == of_view[v]) {
+                    numbers += scene(v).numbers(views[v]);
+                }
+                if past > 0 && numbers > NUMBERS {
+                    break;
+                }
+                past += 1;
             }
-            if past > first && numbers > NUMBERS {
-                break;
-            }
-            past += 1;
+            let (group, rest) = list.split_at(past);
+            let of_group = group.iter().map(|&v| (views[v], of_view[v], scene(v)));
+            let packed = Packed::new(of_group.collect(), features, derivatives);
+            groups.push((group.to_vec(), packed));
+            list = rest;
         }
-        let (features, derivatives) = kernels(first);
-        let of_group = (first..past).map(|v| (views[v], of_view[v], scene(v)));
-        let packed = Packed::new(of_group.collect(), features, derivatives);
-        groups.push((first..past, packed));
-        first = past;
     }
     groups
+}
+
+/// Lists of numbers up to a count that have the same key, in the order of their first ones.
+fn alike<K: PartialEq>(count: usize, key: impl Fn(usize) -> K) -> Vec<Vec<usize>> {
+    let mut lists: Vec<Vec<usize>> = Vec::new();
+    for v in 0..count {
+        match lists.iter_mut().find(|list| key(list[0]) == key(v)) {
+            Some(list) => list.push(v),
+            None => lists.push(vec![v]),
+        }
+    }
+    lists
 }
 
 impl Packed {

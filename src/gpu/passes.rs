@@ -1,5 +1,5 @@
-//! The kernels of a backward pass: paths are traced again and leave records, then jumps are added at each of their
-//! points, then each path is gone back along. In three kernels each is small, and points of a path are apart.
+//! The kernels of a backward pass: paths are traced again and leave records, then jumps are added at those of their points
+//! that make searches for edges, then each path is gone back along. So each kernel is small, and points of a path are apart.
 
 use crate::cube::*;
 
@@ -10,12 +10,13 @@ use super::job::{Outputs, Paths};
 use super::jumps::jumps_seen_from;
 use super::path::path_light;
 use super::records::{OF_TRIANGLE, Room};
+use super::searches::Order;
 use super::sums::{Adding, TYPICAL};
 use super::walk::Start;
 use crate::model::jumps::counts_of;
 use crate::model::numbers::is_nonzero;
 use crate::model::{V3, v3};
-use crate::trace::{Derivatives, Observer, PointGradient, Scene, Seen, UNIT};
+use crate::trace::{Derivatives, NONE, Observer, PointGradient, Scene, Seen, UNIT};
 
 /// The derivatives of a loss by the rows of an image, and the scales of sums.
 #[apply(argument!)]
@@ -47,6 +48,12 @@ impl Loss {
             g.normal = self.vector(own + comptime!(depth + usize::from(outputs.depth)));
         }
         g
+    }
+
+    /// What a point of a path counts for by the derivative that it carries.
+    pub fn counts_of(&self, scene: &Scene, view: u32, carried: V3) -> f32 {
+        let typical = self.scales[TYPICAL + view as usize] * self.scale;
+        counts_of(carried, typical.max(1e-37), scene.samples_log)
     }
 
     fn vector(&self, at: usize) -> V3 {
@@ -106,42 +113,45 @@ fn moves_at(
     moves
 }
 
-/// Adds the derivatives by jumps at edges that points of paths see, one thread a point.
+/// Adds the derivatives by jumps at edges that points of paths see, one thread a point that makes searches: for edges of
+/// shadows of emitters, or for edges that it reflects.
 #[cube(launch)]
-pub(super) fn add_jumps(paths: Paths, loss: Loss, records: &mut [u32], adding: Adding) {
+pub(super) fn add_jumps(
+    paths: Paths,
+    loss: Loss,
+    records: &mut [u32],
+    adding: Adding,
+    points: u32,
+    #[comptime] of_light: bool,
+) {
     let threads = paths.piece.threads();
-    let thread = ABSOLUTE_POS as u32 % threads;
-    let k = ABSOLUTE_POS as u32 / threads;
-    let which = paths.of_thread(thread);
-    let scene = paths.views.scene(which.view);
-    let sums = adding.of_thread(&scene, loss.scales, thread);
-    let room = Room::new(thread, threads, scene.bounces);
-    let g = loss.of_row(&scene, which.row);
-    let mut points = 0u32;
-    if is_nonzero(g.size()) {
-        points = records[room.points()];
-    }
-    // Paths have fewer points than there are threads for.
-    if k < points {
-        let mut by = PointGradient::default();
+    let bounces = paths.views.scene(0u32).bounces;
+    let order = Order::new(&Room::new(0u32, threads, bounces), points);
+    let index = ABSOLUTE_POS as u32;
+    let which_point = order.point(records, index, of_light);
+    if which_point != NONE {
+        let thread = which_point % threads;
+        let k = which_point / threads;
+        let which = paths.of_thread(thread);
+        let scene = paths.views.scene(which.view);
+        let sums = adding.of_thread(&scene, loss.scales, index);
+        let room = Room::new(thread, threads, scene.bounces);
+        let g = loss.of_row(&scene, which.row);
         let arrival = room.arrival(records, k);
         let carried = g.radiance.times(arrival.throughput);
-        let typical = loss.scales[TYPICAL + which.view as usize] * loss.scale;
-        let counts = counts_of(carried, typical.max(1e-37), scene.samples_log);
         let path = begin(&scene, which.pixel, which.sample);
-        let point = arrival.point(&scene, path.time);
-        if counts > 0.0 && point.reflects {
-            let at = Observer {
-                point,
-                bounce: k,
-                moves: moves_at(&scene, records, room, k, sums.of),
-                carried,
-                counts,
-                searches: 1u32.runtime(),
-            };
-            let mut memory = Memory::new(&scene);
-            jumps_seen_from(&scene, &mut memory, &sums, &path, &at, &mut by);
-        }
+        let at = Observer {
+            point: arrival.point(&scene, path.time),
+            bounce: k,
+            moves: moves_at(&scene, records, room, k, sums.of),
+            carried,
+            counts: loss.counts_of(&scene, which.view, carried),
+            searches: 1u32.runtime(),
+        };
+        let mut by = PointGradient::default();
+        room.add_jumped(records, k, &mut by);
+        let mut memory = Memory::new(&scene);
+        jumps_seen_from(&scene, &mut memory, &sums, &path, &at, &mut by, of_light);
         room.keep_jumped(records, k, &by);
     }
 }

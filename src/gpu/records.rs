@@ -74,6 +74,12 @@ impl Room {
         self.at(self.bounces + 1, 0u32)
     }
 
+    /// Words of the records of all paths, with what jumps add.
+    pub fn words(&self) -> u32 {
+        let points = self.bounces + 1;
+        (points * (RECORD + JUMPED) + 1) * self.threads
+    }
+
     fn keep_vector(&self, records: &mut [u32], point: u32, word: u32, v: V3) {
         records[self.at(point, word)] = v.x.to_bits();
         records[self.at(point, word + 1)] = v.y.to_bits();

@@ -34,6 +34,9 @@ pub(crate) struct View {
     pub has_edges: bool,
 }
 
+/// Triangles that have so few edges, mostly, that these are a list, not a tree.
+const FEW_TRIANGLES: usize = 21;
+
 /// Lists of a view that stages read.
 #[derive(Default)]
 struct Flat {
@@ -112,7 +115,6 @@ impl View {
         let gathers_map = of_scene.sky_map && settings.multiple_importance;
         let shines = of_scene.sky_map || of_scene.sky_constant;
         Features {
-            flying_crossings: (self.edge_sets.as_ref()).is_some_and(|e| e.any_apart),
             lens: self.camera.aperture > 0.0,
             parallel: self.camera.parallel,
             // Points on emitters are chosen by the BSDF as well.
@@ -128,10 +130,12 @@ impl View {
 
     /// Adds what is known of jumps to what derivatives are asked for.
     fn add_derivatives(&mut self) {
-        let sets = self.edge_sets.as_ref();
+        let has_nodes = |sets: &Arc<EdgeSets>| sets.seen_by(true).has_nodes;
         let of = &mut self.wanted.of;
         of.jumps = self.has_edges && !self.features.dark;
-        of.edge_nodes = sets.is_some_and(|e| e.seen_by(true).has_nodes);
+        // Not by what passes through what, so that kernels serve while that changes.
+        let many = self.scene.lists.triangles.len() > FEW_TRIANGLES;
+        of.edge_nodes = many || self.edge_sets.as_ref().is_some_and(has_nodes);
         of.grouped = self.scene.emitters.groups.len() > 1;
         of.edge_room = if of.jumps { ROOM } else { 1 };
     }

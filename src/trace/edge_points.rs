@@ -76,7 +76,7 @@ pub(crate) fn edge_of(scene: &Scene, index: u32, time: f32) -> EdgePoint {
         d: list[3],
     };
     p.exists = true;
-    if comptime!(scene.features.flying_crossings) && crossing == 2 {
+    if comptime!(scene.features.moves) && crossing == 2 {
         let shift = scene.shift(p.faces.a, time);
         let other = scene.shift(p.faces.b, time);
         let t = scene.triangle(p.faces.a).moved(shift);
@@ -121,7 +121,7 @@ pub(crate) fn edge_point(
 fn into_face(scene: &Scene, face: u32, p: &EdgePoint, time: f32) -> V3 {
     let on = scene.triangle(face);
     let mut on_line = p.a;
-    if comptime!(scene.features.flying_crossings) {
+    if comptime!(scene.features.moves) {
         if scene.of_edges[(p.edge + IS_CROSSING) as usize] == 2 {
             // Where the face was at rest.
             on_line = p.position - scene.shift(face, time);

@@ -11,8 +11,6 @@ pub(crate) struct Features {
     pub boxes: bool,
     pub stack: usize,
     pub moves: bool,
-    /// Whether lines in which triangles pass through each other move while the shutter is open.
-    pub flying_crossings: bool,
     pub lens: bool,
     pub parallel: bool,
     pub smooth: bool,

@@ -6,11 +6,10 @@ use crate::common::facets::{clamped_cases, facet_cases};
 use crate::common::gradients::{
     CONES, Case as Class, Effort, Setup, all_classes, assert_agreement, lights, of_seed,
 };
-use crate::common::long;
 use crate::common::numbers::{apart, largest, norm, pairs};
 use crate::common::scenes::{diffuse, emitting, facing_front, floor, lamp, scene_file};
 use crate::common::tensors::{gradient, leaf, radiance, tensor, values, with_leaves};
-use crate::device::{Flips, device};
+use crate::device::{Flips, device, quick_to_compile};
 use burn::tensor::{DType, Device};
 use softray::prelude::*;
 
@@ -266,23 +265,13 @@ fn derivatives_of_emissive_textures() {
     }
 }
 
-/// Of cases of facets, all in the long tier; in the short one those whose parameter turns no directions: the kernel of jumps
-/// that metals and glass reflect takes a software driver three minutes and 17 GB to compile.
-fn quick_to_compile(mut cases: Vec<Class>) -> Vec<Class> {
-    let turn_none = ["base colour", "metallic", "eta", "extinction", "a spot"];
-    cases.retain(|case| long() || turn_none.iter().any(|name| case.name.starts_with(name)));
-    assert!(cases.len() >= 4);
-    cases
-}
-
 /// Every parameter of BSDFs of facets, at one seed.
 #[test]
 fn derivatives_of_facets() {
     let (gpu, cpu) = (device(), Device::flex());
     let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
-    let effort = EIGHT;
     let cases = quick_to_compile(facet_cases());
-    assert_agreement(&cases, setups, DType::F32, effort, limit);
+    assert_agreement(&cases, setups, DType::F32, EIGHT, limit);
 }
 
 /// Parameters outside of their ranges have no gradient, as on the host.

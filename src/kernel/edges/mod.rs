@@ -143,8 +143,6 @@ impl Edges {
 /// Edges that something can jump at, and trees over them.
 pub(crate) struct EdgeSets {
     pub(super) edges: Edges,
-    /// Whether a line of a crossing moves while the shutter is open.
-    pub any_apart: bool,
     all: EdgeTree,
     moving: Moving,
 }
@@ -215,12 +213,7 @@ impl EdgeSets {
             let parts = [(&*moving, first), (&*others, second)];
             (EdgeTree::joint(&source, parts), Moving::Part)
         };
-        let sets = Arc::new(Self {
-            any_apart: crossings.iter().any(|e| e.apart),
-            all,
-            moving,
-            edges,
-        });
+        let sets = Arc::new(Self { all, moving, edges });
         kept.last = Some(sets.clone());
         *lock() = kept;
         sets

@@ -35,9 +35,9 @@ type Images = (Tensor<2>, Vec<Traced>);
 /// Views that are traced together.
 struct Together {
     views: Range<usize>,
-    /// On a GPU, in groups.
+    /// On a GPU, in groups by their numbers among these.
     #[cfg(feature = "wgpu")]
-    packed: Vec<(Range<usize>, Arc<Packed>)>,
+    packed: Vec<(Vec<usize>, Arc<Packed>)>,
 }
 
 /// Pixels of a view, by their number and perhaps a list, and their samples.
@@ -53,7 +53,7 @@ type Done<'a> = Option<(&'a AtomicUsize, usize)>;
 
 /// What the backward pass needs to run on a GPU.
 #[cfg(feature = "wgpu")]
-pub(super) type Jobs = Vec<(Range<usize>, Job)>;
+pub(super) type Jobs = Vec<(Vec<usize>, Job)>;
 /// Without GPUs there is nothing.
 #[cfg(not(feature = "wgpu"))]
 pub(super) type Jobs = std::convert::Infallible;
@@ -222,7 +222,7 @@ impl Pass<'_> {
         let packed = if self.on_gpu() { pack(&of) } else { Vec::new() };
         let packed = packed
             .into_iter()
-            .map(|(range, packed)| (range, Arc::new(packed)));
+            .map(|(group, packed)| (group, Arc::new(packed)));
         Together {
             views,
             packed: packed.collect(),
@@ -230,7 +230,7 @@ impl Pass<'_> {
     }
 
     fn jobs(&self, of: &Together, share: &Share) -> Jobs {
-        let job = |(range, packed): &(Range<usize>, Arc<Packed>)| {
+        let job = |(group, packed): &(Vec<usize>, Arc<Packed>)| {
             let job = Job {
                 views: packed.clone(),
                 pixels: share.pixels.clone(),
@@ -238,8 +238,9 @@ impl Pass<'_> {
                 from: share.samples.start,
                 samples: share.samples.len() as u32,
                 outputs: self.rows.for_gpu(),
+                statistics: self.options.statistics,
             };
-            (range.clone(), job)
+            (group.clone(), job)
         };
         of.packed.iter().map(job).collect()
     }
@@ -250,7 +251,9 @@ impl Pass<'_> {
             .iter()
             .map(|(_, job)| crate::gpu::trace(device, job.clone()));
         let image = Tensor::cat(images.collect::<Result<_>>()?, 0);
-        let views = jobs.last().map_or(0, |j| j.0.end);
+        let order: Vec<usize> = jobs.iter().flat_map(|j| &j.0).copied().collect();
+        let image = in_order(image, &order);
+        let views = order.len();
         // Light that is not black is not known before the image is read.
         let mut traced = vec![
             Traced {
@@ -260,10 +263,10 @@ impl Pass<'_> {
             views
         ];
         if self.options.statistics {
-            for (range, job) in jobs {
+            for (group, job) in jobs {
                 let counts = crate::gpu::counts_of(device, job)?;
-                for (traced, counts) in traced[range.clone()].iter_mut().zip(counts) {
-                    traced.counts = counts;
+                for (&view, counts) in group.iter().zip(counts) {
+                    traced[view].counts = counts;
                 }
             }
         }
@@ -276,4 +279,20 @@ impl Pass<'_> {
         }
         Ok((image, traced))
     }
+}
+
+/// The rows of views `[B·P, C]` that are one behind the other by these numbers, in the order of the numbers.
+#[cfg(feature = "wgpu")]
+fn in_order(rows: Tensor<2>, numbers: &[usize]) -> Tensor<2> {
+    if numbers.is_sorted() {
+        return rows;
+    }
+    let mut place = vec![0i32; numbers.len()];
+    for (at, &view) in numbers.iter().enumerate() {
+        place[view] = at as i32;
+    }
+    let place = Tensor::<1, Int>::from_data(place.as_slice(), &rows.device());
+    let [count, columns] = rows.dims();
+    let of_views = rows.reshape([numbers.len(), count / numbers.len() * columns]);
+    of_views.select(0, place).reshape([count, columns])
 }
