@@ -10,7 +10,7 @@ use super::gradient::ViewPlaces;
 use super::hit::{Memory, Ray, trace};
 use super::job::{Job, Views};
 use super::jumps::light_beside;
-use super::passes::Loss;
+use super::loss::Loss;
 use super::sums::Adding;
 use crate::kernel::Piece;
 use crate::model::camera::{Camera, CameraRay};

@@ -7,19 +7,71 @@ use super::camera::Beginning;
 use super::hit::{Memory, Ray, trace};
 use super::packed::OF_TREE;
 use super::path::light_of;
-use super::searches::Searches;
 use super::walk::Start;
 use crate::accel::Hit;
 use crate::kernel::{DrawnEdge, NO_EDGE, Root, draw_edge};
 use crate::model::Pair;
 use crate::model::bsdf::normals_differ;
 use crate::model::choice::decided_by;
-use crate::sampling::Dimensions;
+use crate::model::jumps::{SEARCH_SETS, searches};
+use crate::sampling::{Dimensions, Four, Stream};
 use crate::trace::{
     Approach, EdgeView, Jump, NONE, OF_EDGES, OF_SIDES, Observer, PointGradient, Scene, Search,
-    Seen, Sums, beside, edge_point, edge_view, hides, is_crease, jump_at, point_at,
-    reflected_backward, sampler, search, shadow_backward, sky,
+    Seen, Sums, beside, edge_point, edge_view, hides, is_crease, jump_at, looks_for_edges,
+    point_at, reflected_backward, sampler, search, shadow_backward, sky,
 };
+
+/// The searches that a point may make, one after another: for edges of shadows of emitters, or for edges that it reflects.
+#[apply(record!)]
+pub(super) struct Searches {
+    /// Those so far.
+    before: u32,
+    /// Whether there is another one, one of so many, and its random numbers.
+    pub made: bool,
+    pub count: u32,
+    pub drawn: Four,
+    pub more: Four,
+}
+
+#[cube]
+impl Searches {
+    /// Before the first of a point of a path which counts for so much.
+    pub fn new(counts: f32, #[comptime] of_light: bool) -> Searches {
+        Searches {
+            before: 0u32,
+            made: false,
+            count: searches(of_light, counts),
+            drawn: Four::default(),
+            more: Four::default(),
+        }
+    }
+
+    /// Goes on to the next one that is made.
+    pub fn next(
+        &mut self,
+        scene: &Scene,
+        numbers: &Stream,
+        bounce: u32,
+        counts: f32,
+        #[comptime] of_light: bool,
+    ) {
+        self.made = false;
+        while self.before < self.count && !self.made {
+            let set = 3 * bounce + SEARCH_SETS * self.before;
+            let mut u = 0.0f32;
+            if of_light {
+                self.drawn = numbers.draw(scene.points, Dimensions::of_set(set));
+                self.more = numbers.draw(scene.points, Dimensions::of_set(set + 1));
+                u = self.more.y;
+            } else {
+                self.drawn = numbers.draw(scene.points, Dimensions::of_set(set + 2));
+                u = self.drawn.x;
+            }
+            self.made = looks_for_edges(scene, bounce, counts, self.count, of_light, u);
+            self.before += 1;
+        }
+    }
+}
 
 /// A tree over edges: the first over all, the second over those that move.
 #[cube]

@@ -10,7 +10,8 @@ use super::device::{List, floats, has_room, rows_of, without_backtrace, zeros};
 use super::film::{FilmSamplesLaunch, Films, OF_PIECE, WHOLE, film_jumps};
 use super::gradient::{Table, ViewPlaces, write_gradient};
 use super::job::{Job, PATHS, Piece, launch};
-use super::passes::{LossLaunch, add_jumps, go_back, keep_paths};
+use super::loss::LossLaunch;
+use super::passes::{add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};
 use super::searches::{add_before, count_searches, in_order, places_of_order, words_of_order};
 use super::sums::{

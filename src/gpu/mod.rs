@@ -28,6 +28,7 @@ mod job;
 mod jumps;
 mod launch;
 mod launch_backward;
+mod loss;
 mod packed;
 mod passes;
 mod path;

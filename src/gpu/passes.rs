@@ -6,61 +6,16 @@ use crate::cube::*;
 use super::backward::path_backward;
 use super::camera::begin;
 use super::hit::Memory;
-use super::job::{Outputs, Paths};
+use super::job::Paths;
 use super::jumps::jumps_seen_from;
+use super::loss::Loss;
 use super::path::path_light;
 use super::records::{OF_TRIANGLE, Room};
 use super::searches::Order;
-use super::sums::{Adding, TYPICAL};
+use super::sums::Adding;
 use super::walk::Start;
-use crate::model::jumps::counts_of;
 use crate::model::numbers::is_nonzero;
-use crate::model::{V3, v3};
-use crate::trace::{Derivatives, NONE, Observer, PointGradient, Scene, Seen, UNIT};
-
-/// The derivatives of a loss by the rows of an image, and the scales of sums.
-#[apply(argument!)]
-pub(super) struct Loss {
-    upstream: &'static [f32],
-    pub scales: &'static [f32],
-    /// What derivatives are multiplied by.
-    scale: f32,
-    #[cube(comptime)]
-    outputs: Outputs,
-}
-
-#[cube]
-impl Loss {
-    /// Derivatives by the rows of a pixel.
-    pub fn of_row(&self, scene: &Scene, row: u32) -> Seen {
-        let outputs = comptime!(self.outputs);
-        let own = row as usize * comptime!(outputs.rows());
-        let mut g = Seen::default();
-        g.radiance = self.vector(own);
-        if comptime!(outputs.opacity) {
-            g.opacity = self.upstream[own + 3] * self.scale;
-        }
-        let depth = comptime!(3 + usize::from(outputs.opacity));
-        if comptime!(outputs.depth) {
-            g.depth = self.upstream[own + depth] * self.scale * scene.settings[UNIT];
-        }
-        if comptime!(outputs.normals) {
-            g.normal = self.vector(own + comptime!(depth + usize::from(outputs.depth)));
-        }
-        g
-    }
-
-    /// What a point of a path counts for by the derivative that it carries.
-    pub fn counts_of(&self, scene: &Scene, view: u32, carried: V3) -> f32 {
-        let typical = self.scales[TYPICAL + view as usize] * self.scale;
-        counts_of(carried, typical.max(1e-37), scene.samples_log)
-    }
-
-    fn vector(&self, at: usize) -> V3 {
-        let g = self.upstream;
-        v3(g[at], g[at + 1], g[at + 2]) * self.scale
-    }
-}
+use crate::trace::{Derivatives, NONE, Observer, PointGradient, Scene};
 
 /// Traces the paths of a piece, those of the first sample before those of the next, and leaves records.
 #[cube(launch)]

@@ -10,7 +10,7 @@ use super::film::{
 };
 use super::job::{Views, launch};
 use super::launch_backward::Pass;
-use super::passes::Loss;
+use super::loss::Loss;
 use super::sums::TYPICAL;
 use crate::model::choice::is_positive;
 use crate::model::film::{BLOCK, CELL, NEIGHBOURS, samples_of_film};

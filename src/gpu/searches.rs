@@ -4,64 +4,12 @@
 use crate::cube::*;
 
 use super::job::{GROUP, Paths};
-use super::passes::Loss;
+use super::jumps::Searches;
+use super::loss::Loss;
 use super::records::Room;
-use crate::model::jumps::{SEARCH_SETS, searches};
 use crate::model::numbers::is_nonzero;
-use crate::sampling::{Dimensions, Four, Stream};
-use crate::trace::{NONE, OF_EDGES, PointGradient, REFLECTS, Scene, looks_for_edges, sampler};
-
-/// The searches that a point may make, one after another: for edges of shadows of emitters, or for edges that it reflects.
-#[apply(record!)]
-pub(super) struct Searches {
-    /// Those so far.
-    before: u32,
-    /// Whether there is another one, one of so many, and its random numbers.
-    pub made: bool,
-    pub count: u32,
-    pub drawn: Four,
-    pub more: Four,
-}
-
-#[cube]
-impl Searches {
-    /// Before the first of a point of a path which counts for so much.
-    pub fn new(counts: f32, #[comptime] of_light: bool) -> Searches {
-        Searches {
-            before: 0u32,
-            made: false,
-            count: searches(of_light, counts),
-            drawn: Four::default(),
-            more: Four::default(),
-        }
-    }
-
-    /// Goes on to the next one that is made.
-    pub fn next(
-        &mut self,
-        scene: &Scene,
-        numbers: &Stream,
-        bounce: u32,
-        counts: f32,
-        #[comptime] of_light: bool,
-    ) {
-        self.made = false;
-        while self.before < self.count && !self.made {
-            let set = 3 * bounce + SEARCH_SETS * self.before;
-            let mut u = 0.0f32;
-            if of_light {
-                self.drawn = numbers.draw(scene.points, Dimensions::of_set(set));
-                self.more = numbers.draw(scene.points, Dimensions::of_set(set + 1));
-                u = self.more.y;
-            } else {
-                self.drawn = numbers.draw(scene.points, Dimensions::of_set(set + 2));
-                u = self.drawn.x;
-            }
-            self.made = looks_for_edges(scene, bounce, counts, self.count, of_light, u);
-            self.before += 1;
-        }
-    }
-}
+use crate::sampling::Stream;
+use crate::trace::{NONE, OF_EDGES, PointGradient, REFLECTS, Scene, sampler};
 
 /// The number of searches that a point of a path makes.
 #[cube]

@@ -1,7 +1,9 @@
 //! Devices by name, so that one program runs on CPU and GPU.
 
-use std::ops::Sub;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+mod work;
+
+#[cfg(feature = "wgpu")]
+use std::sync::{Mutex, PoisonError};
 
 use burn::backend::DispatchDevice;
 use burn::tensor::Device;
@@ -9,6 +11,10 @@ use burn::tensor::Device;
 use burn::tensor::wgpu::{WgpuBackend, WgpuInitError};
 
 use crate::error::{Error, Result};
+pub(crate) use work::count_read_back;
+pub use work::{Work, work};
+#[cfg(feature = "wgpu")]
+pub(crate) use work::{count_launch, count_searches, count_upload};
 
 /// The variable that names the device where a program is given none; burn's own.
 pub const VARIABLE: &str = "BURN_DEVICE";
@@ -138,96 +144,6 @@ pub(crate) fn runs_kernels(device: &Device) -> bool {
     use burn::cubecl::Device::Wgpu;
     let device = device.clone().inner();
     matches!(device.as_dispatch(), DispatchDevice::Cube(Wgpu(_)))
-}
-
-/// What this crate has done on GPUs since the program began, for profiles: the difference of two is what was done in
-/// between. burn's own launches, and what a user reads, don't count.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Work {
-    /// Kernels that were launched.
-    pub launches: u64,
-    /// How often lists of scenes and of backward passes were sent to a device.
-    pub uploads: u64,
-    /// The bytes of these lists.
-    pub uploaded_bytes: u64,
-    /// How often tensors were read back: at most once a render by kernels there, all of its scenes and cameras together,
-    /// and never in their backward passes; statistics and diagnostics that were asked for are read too.
-    pub read_backs: u64,
-    /// The bytes of these tensors.
-    pub read_bytes: u64,
-    /// The searches for edges that points of paths made in backward passes of renders with statistics.
-    pub searches: u64,
-    /// The searches that as many threads could have made as were busy until the last of 32 that run in step had made
-    /// its own: [`Work::searches`] over this is the share of lanes that a warp keeps busy.
-    pub search_lanes: u64,
-}
-
-impl Sub for Work {
-    type Output = Self;
-
-    fn sub(self, before: Self) -> Self {
-        Self {
-            launches: self.launches - before.launches,
-            uploads: self.uploads - before.uploads,
-            uploaded_bytes: self.uploaded_bytes - before.uploaded_bytes,
-            read_backs: self.read_backs - before.read_backs,
-            read_bytes: self.read_bytes - before.read_bytes,
-            searches: self.searches - before.searches,
-            search_lanes: self.search_lanes - before.search_lanes,
-        }
-    }
-}
-
-/// What this crate has done on GPUs so far.
-pub fn work() -> Work {
-    *lock()
-}
-
-static WORK: Mutex<Work> = Mutex::new(Work {
-    launches: 0,
-    uploads: 0,
-    uploaded_bytes: 0,
-    read_backs: 0,
-    read_bytes: 0,
-    searches: 0,
-    search_lanes: 0,
-});
-
-fn lock() -> MutexGuard<'static, Work> {
-    WORK.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Counts the launch of a kernel.
-#[cfg(feature = "wgpu")]
-pub(crate) fn count_launch() {
-    lock().launches += 1;
-}
-
-/// Counts bytes that are sent to a GPU.
-#[cfg(feature = "wgpu")]
-pub(crate) fn count_upload(bytes: usize) {
-    let mut work = lock();
-    work.uploads += 1;
-    work.uploaded_bytes += bytes as u64;
-}
-
-/// Counts searches for edges by points, in the order of their threads.
-#[cfg(feature = "wgpu")]
-pub(crate) fn count_searches(of_points: &[u32]) {
-    const WARP: usize = 32;
-    let lanes = |warp: &[u32]| (WARP as u32 * warp.iter().max().unwrap_or(&0)) as u64;
-    let mut work = lock();
-    work.searches += of_points.iter().map(|&n| u64::from(n)).sum::<u64>();
-    work.search_lanes += of_points.chunks(WARP).map(lanes).sum::<u64>();
-}
-
-/// Counts a read-back of so many numbers of 32 bits, where the device is not a CPU.
-pub(crate) fn count_read_back(device: &Device, numbers: usize) {
-    if !is_cpu(device) {
-        let mut work = lock();
-        work.read_backs += 1;
-        work.read_bytes += 4 * numbers as u64;
-    }
 }
 
 /// A device by the name that [`named`] knows it by, where it has one. Devices with autodiff are called
