@@ -75,3 +75,15 @@ pub(crate) trait Runtime: Sized {
 
 #[cfg(not(feature = "wgpu"))]
 impl<T: Copy> Runtime for T {}
+
+/// The first of two values under a condition, else the second. Kernels choose without a branch, so neither may fail.
+#[inline(always)]
+pub(crate) fn select<T>(condition: bool, a: T, b: T) -> T {
+    if condition { a } else { b }
+}
+
+/// In a kernel.
+#[cfg(feature = "wgpu")]
+pub(crate) mod select {
+    pub(crate) use burn::cubecl::prelude::select::expand;
+}

@@ -72,9 +72,11 @@ fn meet(scene: &Scene, at: u32, cast: Cast, limit: f32) -> f32 {
             let ab = vector(scene.hits, at + 4).dot(p) + scene.hits[i + 7];
             let bc = vector(scene.hits, at + 8).dot(p) + scene.hits[i + 11];
             let ca = vector(scene.hits, at + 12).dot(p) + scene.hits[i + 15];
-            if ab.min(bc.min(ca)) > -cast.margin - scene.hits[i + 16] {
-                t = distance;
-            }
+            t = select(
+                ab.min(bc.min(ca)) > -cast.margin - scene.hits[i + 16],
+                distance,
+                t,
+            );
         }
     }
     t
@@ -93,10 +95,7 @@ fn enter(scene: &Scene, at: u32, cast: Cast, inverse: V3, limit: f32) -> f32 {
     let bz = (high.z + cast.margin) * inverse.z;
     let near = cast.from.max(ax.min(bx)).max(ay.min(by)).max(az.min(bz));
     let far = limit.min(ax.max(bx)).min(ay.max(by)).min(az.max(bz));
-    let mut t = f32::MAX.runtime();
-    if near <= far {
-        t = near;
-    }
+    let t = select(near <= far, near, f32::MAX);
     t
 }
 
@@ -109,7 +108,7 @@ fn meet_all(
     first: u32,
     past: u32,
     nearest: &mut Hit,
-    #[comptime] select: bool,
+    #[comptime] selects: bool,
 ) {
     let mut k = first;
     while k < past {
@@ -117,7 +116,7 @@ fn meet_all(
         let t = meet(scene, at, cast, nearest.t);
         if t < nearest.t {
             let triangle = scene.hit_numbers[k as usize];
-            if !select || !cast.unseen.contains(triangle) {
+            if !selects || !cast.unseen.contains(triangle) {
                 let place = cast.ray.origin + cast.ray.direction * t;
                 if !scene.is_open_at(triangle, place, cast.ray.time) {
                     nearest.t = t;
@@ -135,17 +134,11 @@ fn meet_all(
 /// 1/d, of a number that is not too small.
 #[cube]
 fn safe_inverse(d: f32) -> f32 {
-    let mut divisor = d;
-    if d.abs() < 1e-12 {
-        divisor = 1e-12f32;
-        if d < 0.0 {
-            divisor = -1e-12f32;
-        }
-    }
-    1.0 / divisor
+    let least = select(d < 0.0, -1e-12f32, 1e-12f32);
+    1.0 / select(d.abs() < 1e-12, least, d)
 }
 
-/// The nearest triangle that a ray hits; with `any` any, which takes less time. With `select` some are left out,
+/// The nearest triangle that a ray hits; with `any` any, which takes less time. With `selects` some are left out,
 /// else none.
 #[cube]
 pub(super) fn trace(
@@ -154,15 +147,12 @@ pub(super) fn trace(
     asked: Ray,
     unseen: Faces,
     any: bool,
-    #[comptime] select: bool,
+    #[comptime] selects: bool,
 ) -> Hit {
     // A distant origin would round by more than triangles are large: begin where the ray is nearest to the
     // origin of coordinates.
     let along = -asked.origin.dot(asked.direction);
-    let mut skipped = 0.0f32;
-    if along * along > 256.0 {
-        skipped = along;
-    }
+    let skipped = select(along * along > 256.0, along, 0.0f32);
     let origin = asked.origin + asked.direction * skipped;
     let cast = Cast {
         ray: Ray {
@@ -195,7 +185,7 @@ pub(super) fn trace(
                 let leaf = (2 * (node - LEAF)) as usize;
                 let first = scene.leaves[leaf];
                 let past = first + scene.leaves[leaf + 1];
-                meet_all(scene, cast, first, past, &mut nearest, select);
+                meet_all(scene, cast, first, past, &mut nearest, selects);
                 if any && nearest.triangle != NONE {
                     top = 0;
                 }
@@ -204,12 +194,10 @@ pub(super) fn trace(
                 let first = enter(scene, at, cast, inverse, nearest.t);
                 let second = enter(scene, at + 6, cast, inverse, nearest.t);
                 let children = (2 * node) as usize;
-                let mut near = scene.children[children];
-                let mut far = scene.children[children + 1];
-                if second < first {
-                    near = scene.children[children + 1];
-                    far = scene.children[children];
-                }
+                let one = scene.children[children];
+                let other = scene.children[children + 1];
+                let near = select(second < first, other, one);
+                let far = select(second < first, one, other);
                 if first.min(second) < f32::MAX {
                     node = near;
                     popped = false;
@@ -231,7 +219,7 @@ pub(super) fn trace(
             }
         }
     } else {
-        meet_all(scene, cast, 0u32, scene.hit_count, &mut nearest, select);
+        meet_all(scene, cast, 0u32, scene.hit_count, &mut nearest, selects);
     }
     nearest.t += skipped;
     nearest

@@ -111,10 +111,7 @@ pub(super) fn jumps_seen_from(
         let o: Observer = observer.part(all.count);
         let choice = memory.choice.as_mut_slice();
         let s: Search = search(scene, all.drawn, all.more, &o, of_light, time, choice, sums);
-        let mut tree = 0u32;
-        if !s.moves {
-            tree = 1u32;
-        }
+        let tree = select(s.moves, 0u32, 1u32);
         let root = root_of(scene, tree, comptime!(sums.of.edge_nodes));
         if s.asked && root.count > 0 {
             let drawn: DrawnEdge = draw_edge(&root, edges, &s.query, decided_by(s.u, s.v));

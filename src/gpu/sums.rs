@@ -85,12 +85,8 @@ fn scale_of(largest: u32, of_all: u32, keep: i32) -> f32 {
     if bits < INFINITY {
         // The power of two that is not less.
         let mut exponent = (bits >> 23) as i32 - 127;
-        if bits & 0x007f_ffff != 0 {
-            exponent += 1;
-        }
-        if bits == 0 {
-            exponent = 0;
-        }
+        exponent = select(bits & 0x007f_ffff != 0, exponent + 1, exponent);
+        exponent = select(bits == 0, 0, exponent);
         let power = (keep - exponent).max(-80).min(120);
         scale = f32::from_bits(((power + 127) as u32) << 23);
     }
@@ -104,9 +100,7 @@ pub(super) fn choose_scales(sizes: &[u32], scales: &mut [f32], keep: i32) {
         let mut most = 0u32;
         let mut part = 0usize;
         while part < PARTS {
-            if sizes[part] < INFINITY {
-                most = most.max(sizes[part]);
-            }
+            most = select(sizes[part] < INFINITY, most.max(sizes[part]), most);
             part += 1;
         }
         if most == 0 {
@@ -114,9 +108,7 @@ pub(super) fn choose_scales(sizes: &[u32], scales: &mut [f32], keep: i32) {
             let views = (scales.len() - TYPICAL) / 2;
             for view in 0..views {
                 let bits = scales[TYPICAL + views + view].to_bits();
-                if bits < INFINITY {
-                    most = most.max(bits);
-                }
+                most = select(bits < INFINITY, most.max(bits), most);
             }
         }
         scales[ABSOLUTE_POS] = scale_of(sizes[ABSOLUTE_POS], most, keep);
@@ -138,10 +130,7 @@ pub(super) fn add_replicas(sums: &mut [u32], replicas: u32, numbers: u32) {
             sums[from + 1] = 0;
         }
         // The sign goes on in the third word.
-        let mut above = 0u32;
-        if high >> 31 == 1 {
-            above = 0xffff_ffffu32;
-        }
+        let mut above = select(high >> 31 == 1, 0xffff_ffffu32, 0u32);
         let at = FIRST_SUM + 3 * ABSOLUTE_POS;
         let first = total(sums[at], low);
         let more = carry(first, low);
@@ -179,9 +168,7 @@ pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
         above = total(!above, carry(high, more));
     }
     let mut value = (above as f32 * 4_294_967_296.0 + high as f32) * 4_294_967_296.0 + low as f32;
-    if negative {
-        value = -value;
-    }
+    value = select(negative, -value, value);
     if scale > 0.0 && sums[part as usize] == 0 {
         value = value / scale;
     } else {

@@ -57,12 +57,8 @@ impl Uniform {
     #[inline(always)]
     pub fn decide(self, chance: f32) -> Decision {
         let happens = self.number < chance;
-        let mut from = chance;
-        let mut share = 1.0 - chance;
-        if happens {
-            from = 0.0f32;
-            share = chance;
-        }
+        let from = select(happens, 0.0, chance);
+        let share = select(happens, chance, 1.0 - chance);
         Decision {
             happens,
             rest: self.within(from, share),
@@ -75,6 +71,7 @@ impl Uniform {
         let mut number = ((self.number - from) / share.max(1e-30)).min(MOST);
         let mut left = self.left * share;
         let mut key = self.key;
+        // A branch, as decisions follow each other and few take it.
         if left < LEAST {
             key = hashed(key);
             number = (key >> 8) as f32 * (1.0f32 / 16_777_216.0f32);

@@ -119,15 +119,9 @@ pub(crate) fn lifted(position: V3, normal: V3) -> V3 {
 pub(crate) fn up_to_plane(start: V3, direction: V3, normal: V3, light: V3) -> f32 {
     let cosine = normal.dot(direction);
     let before = normal.dot(start - light);
-    let mut limit = (-1.0f32).runtime();
-    if before > 0.0 {
-        limit = f32::MAX.runtime();
-        if cosine <= GRAZING {
-            let size = 1.0 + light.abs().max_element() + start.abs().max_element();
-            limit = (END * size - before) / cosine;
-        }
-    }
-    limit
+    let size = 1.0 + light.abs().max_element() + start.abs().max_element();
+    let limit = select(cosine <= GRAZING, (END * size - before) / cosine, f32::MAX);
+    select(before > 0.0, limit, -1.0)
 }
 
 #[cfg(test)]

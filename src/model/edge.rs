@@ -7,7 +7,7 @@
 
 use super::bsdf::Shading;
 use super::cone::Bend;
-use super::{V2, V3, v2};
+use super::{V2, V3, select_vector, v2};
 use crate::cube::*;
 
 /// An edge seen from a point, beside an axis ω of a blurred direction.
@@ -61,20 +61,13 @@ pub(crate) fn mirrored(v: V3, normal: V3) -> V3 {
 #[inline(always)]
 pub(crate) fn direction_jump(r: V3, along: V3, bend: &Bend, normal: V3) -> DirectionJump {
     // A mirrored axis sees the edge's mirror image.
-    let mut image = r;
-    let mut image_along = along;
-    if bend.mirrored {
-        image = mirrored(r, normal);
-        image_along = mirrored(along, normal);
-    }
+    let image = select_vector(bend.mirrored, mirrored(r, normal), r);
+    let image_along = select_vector(bend.mirrored, mirrored(along, normal), along);
     let edge = direction_edge(image, image_along, bend.direction);
-    let mut side = edge.across;
-    if bend.mirrored {
-        side = mirrored(side, normal);
-    }
+    let across = mirrored(edge.across, normal);
     DirectionJump {
         edge,
-        side,
+        side: select_vector(bend.mirrored, across, edge.across),
         mirrored: bend.mirrored,
     }
 }

@@ -24,10 +24,7 @@ pub(crate) fn samples_of_film(pixels: u32, samples: u32) -> u32 {
     if pixels as f32 * samples as f32 <= 4.0e9 {
         let paths = pixels * samples;
         let few = (8 * paths.min(1024)).min(1024);
-        let mut each = 2u32;
-        if samples <= 1u32 << FEW_SAMPLES {
-            each = 4u32;
-        }
+        let each = select(samples <= 1u32 << FEW_SAMPLES, 4u32, 2u32);
         paths.div_ceil(each).max(few).max(1).min(MOST)
     } else {
         MOST

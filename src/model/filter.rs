@@ -49,10 +49,7 @@ pub(crate) fn film_kernel(u: f32) -> f32 {
     // Newton's method for y = 1 − |x| with y³ (20 − 15 y + 3 y²)/16 = min(u, 1 − u), in the cube root of
     // both sides, which is nearly linear.
     let upper = u > 0.5;
-    let mut half = u;
-    if upper {
-        half = 1.0 - u;
-    }
+    let half = select(upper, 1.0 - u, u);
     let root = cube_root(0.8 * half);
     let mut y = root * (1.0 + 0.22 * root);
     let mut i = 0;
@@ -63,10 +60,7 @@ pub(crate) fn film_kernel(u: f32) -> f32 {
         y = (y - (value - root) / slope).clamp(0.0, 1.0);
         i += 1;
     }
-    let mut x = y - 1.0;
-    if upper {
-        x = 1.0 - y;
-    }
+    let x = select(upper, 1.0 - y, y - 1.0);
     x
 }
 
@@ -189,10 +183,8 @@ pub(crate) fn filter_entries(list: &[f32], table: usize, place: f32) -> V2 {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn filter_between(entries: V2, place: f32, u: f32) -> f32 {
-    let mut x = entries.x + (entries.y - entries.x) * (place - entry_before(place));
-    if u > 0.5 {
-        x = -x;
-    }
+    let x = entries.x + (entries.y - entries.x) * (place - entry_before(place));
+    let x = select(u > 0.5, -x, x);
     x
 }
 

@@ -16,10 +16,7 @@ pub(crate) struct Frame {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn sign_of(z: f32) -> f32 {
-    let mut sign = 1.0f32;
-    if z < 0.0 {
-        sign = -1.0f32;
-    }
+    let sign = select(z < 0.0, -1.0f32, 1.0f32);
     sign
 }
 
@@ -140,9 +137,7 @@ pub(crate) fn arc_tangent(tangent: f32) -> f32 {
     }
     let y = x * x;
     angle += x + x * y * (ATAN_3 + y * (ATAN_5 + y * (ATAN_7 + y * ATAN_9)));
-    if tangent < 0.0 {
-        angle = -angle;
-    }
+    angle = select(tangent < 0.0, -angle, angle);
     angle
 }
 
@@ -152,15 +147,10 @@ pub(crate) fn arc_tangent(tangent: f32) -> f32 {
 pub(crate) fn arc_tangent_of(y: f32, x: f32) -> f32 {
     let mut angle = arc_tangent(y / x);
     if x < 0.0 {
-        let mut turn = PI.runtime();
-        if y < 0.0 {
-            turn = -PI;
-        }
+        let turn = select(y < 0.0, -PI, PI);
         angle += turn;
     }
-    if y == 0.0 && x == 0.0 {
-        angle = 0.0f32;
-    }
+    angle = select(y == 0.0 && x == 0.0, 0.0f32, angle);
     angle
 }
 

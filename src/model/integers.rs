@@ -124,10 +124,7 @@ pub(crate) mod mixed {
     #[cube]
     fn plus(a: Wide, b: Wide) -> Wide {
         let low = total(a.low, b.low);
-        let mut carry = 0u32;
-        if low < b.low {
-            carry = 1u32;
-        }
+        let carry = select(low < b.low, 1u32, 0u32);
         wide(low, total(total(a.high, b.high), carry))
     }
 

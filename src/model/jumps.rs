@@ -5,7 +5,7 @@ use super::cone::widened;
 use super::edge::half_plane;
 use super::edge_weight::Query;
 use super::frame::SinCos;
-use super::{V2, V3};
+use super::{V2, V3, select_vector};
 use crate::cube::*;
 
 /// Points count at least for this share of an average camera ray.
@@ -31,11 +31,8 @@ const NOTHING: u32 = u32::MAX;
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn counts_of(carried: V3, typical: f32, samples_log: u32) -> f32 {
-    let mut counts = carried.abs().element_sum() / typical;
-    if samples_log <= FEW_SAMPLES {
-        counts *= 0.5;
-    }
-    counts
+    let counts = carried.abs().element_sum() / typical;
+    select(samples_log <= FEW_SAMPLES, counts * 0.5, counts)
 }
 
 /// The mean number of searches of a point that counts for so much of an average camera ray.
@@ -180,10 +177,8 @@ impl Sides {
     #[inline(always)]
     pub fn new(along: V3, view: V3, side: V3) -> Sides {
         // Across the plane of the edge and the view, so that lateral places are comparable.
-        let mut across = along.cross(view);
-        if across.dot(side) < 0.0 {
-            across = -across;
-        }
+        let across = along.cross(view);
+        let across = select_vector(across.dot(side) < 0.0, -across, across);
         Sides {
             minus: NOTHING.runtime(),
             plus: NOTHING.runtime(),
@@ -198,26 +193,21 @@ impl Sides {
     #[inline(always)]
     pub fn add(&mut self, face: u32, inward: V3, along: V3, view: V3) {
         let half: V2 = half_plane(inward, along, view, self.across);
-        if half.x > 0.0 {
-            if half.y < self.least_plus {
-                self.least_plus = half.y;
-                self.plus = face;
-            }
-        } else if half.y < self.least_minus {
-            self.least_minus = half.y;
-            self.minus = face;
-        }
+        let above = half.x > 0.0;
+        let on_plus = above && half.y < self.least_plus;
+        let on_minus = !above && half.y < self.least_minus;
+        self.least_plus = select(on_plus, half.y, self.least_plus);
+        self.plus = select(on_plus, face, self.plus);
+        self.least_minus = select(on_minus, half.y, self.least_minus);
+        self.minus = select(on_minus, face, self.minus);
     }
 
     /// Says how rays pass the edge's point, when all faces are added. `to` is the vector to it.
     #[inline(always)]
     pub fn pass(&mut self, to: V3, position: V3) {
-        let mut step = beside(position) / self.across.length();
-        if self.minus == NOTHING {
-            step = -step;
-        } else if self.plus != NOTHING {
-            step = 0.0f32.runtime();
-        }
+        let step = beside(position) / self.across.length();
+        let on_plus = select(self.plus == NOTHING, step, 0.0);
+        let step = select(self.minus == NOTHING, -step, on_plus);
         self.past = (to + self.across * step).normalize();
     }
 }
@@ -242,11 +232,8 @@ pub(crate) fn inside(position: V3, inward: V3) -> V3 {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn half_beside(normal: V3, along: V3, across: V3) -> V3 {
-    let mut half = normal.cross(along);
-    if half.dot(across) < 0.0 {
-        half = -half;
-    }
-    half
+    let half = normal.cross(along);
+    select_vector(half.dot(across) < 0.0, -half, half)
 }
 
 /// Of three vectors from a point of a line, to the corners of a face, the one that ends farthest from the line.
@@ -256,13 +243,8 @@ pub(crate) fn farthest(a: V3, b: V3, c: V3, along: V3) -> V3 {
     let far_a = a.cross(along).length_squared();
     let far_b = b.cross(along).length_squared();
     let far_c = c.cross(along).length_squared();
-    let mut inward = c;
-    if far_a >= far_b && far_a >= far_c {
-        inward = a;
-    } else if far_b >= far_c {
-        inward = b;
-    }
-    inward
+    let other = select_vector(far_b >= far_c, b, c);
+    select_vector(far_a >= far_b && far_a >= far_c, a, other)
 }
 
 /// The derivative of g·P by how far a plane moves along its normal, where P is a point of the line in which it crosses

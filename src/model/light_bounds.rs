@@ -57,10 +57,7 @@ impl Sphere {
         // The mean of cosines over the sphere, where the horizon divides it.
         let incident = to.dot(normal) * inverse;
         let above = (incident + seen).max(0.0);
-        let mut receives = incident;
-        if incident < seen {
-            receives = above * above / (4.0 * seen);
-        }
+        let receives = select(incident < seen, above * above / (4.0 * seen), incident);
         self.power * emits * receives / squared.max(INSIDE * self.radius * self.radius)
     }
 

@@ -39,15 +39,9 @@ pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Part {
     let p = a.dot(axis);
     let q = e.dot(axis);
     // Before the plane across the axis through the apex.
-    let mut from = 0.0f32;
-    let mut to = 1.0f32;
-    if q > 0.0 {
-        from = (-p / q).max(0.0);
-    } else if q < 0.0 {
-        to = (-p / q).min(1.0);
-    } else if p <= 0.0 {
-        to = -1.0f32;
-    }
+    let mut from = select(q > 0.0, (-p / q).max(0.0), 0.0);
+    let mut to = select(q == 0.0 && p <= 0.0, -1.0f32, 1.0f32);
+    to = select(q < 0.0, (-p / q).min(1.0), to);
     if cos > 0.0 {
         let square = cos * cos;
         let second = q * q - square * e.length_squared();
@@ -56,26 +50,18 @@ pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Part {
         let discriminant = first * first - second * zeroth;
         if discriminant <= 0.0 {
             // All of the line or nothing.
-            if second < 0.0 || zeroth < 0.0 {
-                to = -1.0f32;
-            }
+            to = select(second < 0.0 || zeroth < 0.0, -1.0f32, to);
         } else {
-            let mut root = discriminant.sqrt();
-            if first < 0.0 {
-                root = -root;
-            }
+            let root = discriminant.sqrt();
+            let root = select(first < 0.0, -root, root);
             // The two roots without cancellation.
             let sum = -(first + root);
             let low = (sum / second).min(zeroth / sum);
             let high = (sum / second).max(zeroth / sum);
-            if second < 0.0 {
-                from = from.max(low);
-                to = to.min(high);
-            } else if q > 0.0 {
-                from = from.max(high);
-            } else {
-                to = to.min(low);
-            }
+            let least = select(second < 0.0, low, high);
+            let most = select(second < 0.0, high, low);
+            from = select(second < 0.0 || q > 0.0, from.max(least), from);
+            to = select(second < 0.0 || q <= 0.0, to.min(most), to);
         }
     }
     Part { from, to }

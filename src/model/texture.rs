@@ -63,14 +63,10 @@ impl Cell {
 
     #[inline(always)]
     pub fn share(&self, k: u32) -> f32 {
-        let mut x = self.x;
-        if k & 1 == 0 {
-            x = 1.0 - x;
-        }
-        let mut y = self.y;
-        if k < 2 {
-            y = 1.0 - y;
-        }
+        let x = self.x;
+        let x = select(k & 1 == 0, 1.0 - x, x);
+        let y = self.y;
+        let y = select(k < 2, 1.0 - y, y);
         x * y
     }
 
@@ -118,14 +114,9 @@ pub(crate) fn wrapped(i: i32, size: u32, wrap: u32) -> u32 {
     let n = size as i32;
     let mut texel = i.max(0).min(n - 1);
     if wrap != CLAMP {
-        let mut period = n;
-        if wrap == MIRROR {
-            period = 2 * n;
-        }
+        let period = select(wrap == MIRROR, 2 * n, n);
         texel = ((i % period) + period) % period;
-        if texel >= n {
-            texel = 2 * n - 1 - texel;
-        }
+        texel = select(texel >= n, 2 * n - 1 - texel, texel);
     }
     texel as u32
 }
@@ -151,10 +142,8 @@ impl Texture {
         let top = y.floor();
         let i = left.max(-FAR).min(FAR) as i32;
         let j = top.max(-FAR).min(FAR) as i32;
-        let mut rows = self.wrap;
-        if rows == AROUND {
-            rows = CLAMP;
-        }
+        let rows = self.wrap;
+        let rows = select(rows == AROUND, CLAMP, rows);
         let above = self.first + wrapped(j, self.height, rows) * self.width;
         let below = self.first + wrapped(j + 1, self.height, rows) * self.width;
         let before = wrapped(i, self.width, self.wrap);

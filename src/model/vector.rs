@@ -46,6 +46,17 @@ pub(crate) const fn v3(x: f32, y: f32, z: f32) -> V3 {
     V3 { x, y, z }
 }
 
+/// The first of two vectors under a condition, else the second, without a branch.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn select_vector(condition: bool, a: V3, b: V3) -> V3 {
+    v3(
+        select(condition, a.x, b.x),
+        select(condition, a.y, b.y),
+        select(condition, a.z, b.z),
+    )
+}
+
 /// The same number three times.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]

@@ -103,22 +103,14 @@ impl Dimensions {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn of_light(bounce: u32) -> u32 {
-    let mut pair = bounce + 1;
-    if bounce > 2 {
-        pair = 2 * bounce + 2;
-    }
-    pair
+    select(bounce > 2, 2 * bounce + 2, bounce + 1)
 }
 
 /// The pair of dimensions for choices there.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn of_choices(bounce: u32) -> u32 {
-    let mut pair = 2 * bounce + 5;
-    if bounce < 2 {
-        pair = 7 - bounce;
-    }
-    pair
+    select(bounce < 2, 7 - bounce.min(1), 2 * bounce + 5)
 }
 
 #[cfg_attr(feature = "wgpu", cube)]

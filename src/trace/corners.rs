@@ -212,10 +212,8 @@ pub(super) struct Facing {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn facing(sum: V3, geometric: V3) -> Facing {
-    let mut factor = 1.0 / sum.length().max(TINY);
-    if sum.dot(geometric) < 0.0 {
-        factor = -factor;
-    }
+    let factor = 1.0 / sum.length().max(TINY);
+    let factor = select(sum.dot(geometric) < 0.0, -factor, factor);
     Facing {
         normal: sum * factor,
         factor,

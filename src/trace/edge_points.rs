@@ -5,7 +5,6 @@ use crate::cube::*;
 use super::parts::{VELOCITIES, VERTICES};
 use super::scene::{NONE, Scene};
 use super::sums::Sums;
-use crate::model::V3;
 use crate::model::bsdf::Shading;
 use crate::model::crossing::{Line, line_of_crossing};
 use crate::model::edge::is_above;
@@ -13,6 +12,7 @@ use crate::model::edge_weight::Query;
 use crate::model::jumps::{Sides, by_crossing_plane, farthest};
 use crate::model::lists::vector;
 use crate::model::segment::{clip_to_cone, point_by_angle};
+use crate::model::{V3, select_vector};
 
 /// Up to four triangles, [`NONE`] where there are no more.
 #[apply(zeroed!)]
@@ -136,18 +136,13 @@ fn into_face(scene: &Scene, face: u32, p: &EdgePoint, time: f32) -> V3 {
 pub(crate) fn sides(scene: &Scene, p: &EdgePoint, view: V3, side: V3, time: f32) -> Sides {
     let mut sides = Sides::new(p.along, view, side);
     // 1 where faces are split: of a crossing both halves of each are there.
-    let mut split = 0u32;
-    if p.crossing {
-        split = 1;
-    }
+    let split = select(p.crossing, 1, 0u32);
     let mut i = 0u32;
     while i < 4u32 << split {
         let face = scene.of_edges[(p.edge + (i >> split)) as usize];
         if face != NONE && !scene.is_open_at(face, p.position, time) {
-            let mut inward = into_face(scene, face, p, time);
-            if i & split == 1 {
-                inward = -inward;
-            }
+            let inward = into_face(scene, face, p, time);
+            let inward = select_vector(i & split == 1, -inward, inward);
             sides.add(face, inward, p.along, view);
         }
         i += 1;
@@ -180,10 +175,7 @@ pub(crate) fn add_to_edge(scene: &Scene, sums: &Sums, p: &EdgePoint, g: V3, time
             let mut k = 0u32;
             while k < 4 {
                 let row = scene.of_edges[(p.edge + ROWS_OF_EDGE + k) as usize];
-                let mut weight = 0.5 * (1.0 - p.lambda);
-                if k & 1 == 1 {
-                    weight = 0.5 * p.lambda;
-                }
+                let weight = select(k & 1 == 1, 0.5 * p.lambda, 0.5 * (1.0 - p.lambda));
                 sums.add_vector(3 * row, g * weight, VERTICES);
                 k += 1;
             }

@@ -124,9 +124,7 @@ pub(crate) fn search(
                 let choice: GroupChoice = choose_group(scene, drawn.x, &at, room, grouped);
                 s.first = choice.first;
                 s.past = choice.past;
-                if choice.moves {
-                    s.moves = true;
-                }
+                s.moves = select(choice.moves, true, s.moves);
                 s.scale = 1.0 / rate * (1.0 / choice.chance);
                 s.is_light = emitters_of(scene).is_light(s.first);
                 if s.is_light {

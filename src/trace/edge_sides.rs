@@ -5,9 +5,9 @@ use crate::cube::*;
 use super::edge_points::EdgePoint;
 use super::scene::{NONE, Scene};
 use crate::accel::Hit;
-use crate::model::V3;
 use crate::model::edge::TOUCHING;
 use crate::model::jumps::{Sides, half_beside, inside};
+use crate::model::{V3, select_vector};
 
 /// A ray that comes to an edge's point, and the faces that are seen beside it.
 #[apply(record!)]
@@ -54,12 +54,8 @@ pub(crate) fn beside(
 ) -> Beside {
     let p = a.point;
     let sides = a.sides;
-    let mut face = sides.minus;
-    let mut across = -sides.across;
-    if on_plus {
-        face = sides.plus;
-        across = sides.across;
-    }
+    let face = select(on_plus, sides.plus, sides.minus);
+    let across = select_vector(on_plus, sides.across, -sides.across);
     let mut found = Beside {
         triangle: behind.triangle,
         near: a.origin + sides.past * behind.t,

@@ -16,7 +16,7 @@ use crate::model::cone::{Bend, bend, cone_density, lifted, up_to_plane};
 use crate::model::edge::{DirectionJump, direction_jump, mirrored};
 use crate::model::jumps::Sides;
 use crate::model::numbers::is_nonzero;
-use crate::model::{V3, splat, v2};
+use crate::model::{V3, select_vector, splat, v2};
 use crate::sampling::{EmitterHit, no_emitter_hit};
 
 /// A point of an edge as a point of a path looks at it.
@@ -59,14 +59,10 @@ pub(crate) fn edge_view(scene: &Scene, o: &Observer, s: &Search, p: EdgePoint) -
         reflected = shading.evaluate(axis);
         if !s.of_light && shading.glossy {
             reflected = reflected * shading.share_of_lobe(axis, s.of_gloss);
-            if !s.lobe.holds(axis) {
-                reflected = splat(0.0);
-            }
+            reflected = select_vector(s.lobe.holds(axis), reflected, splat(0.0));
         }
     }
-    if reflected.is_zero() {
-        past = first;
-    }
+    past = select(reflected.is_zero(), first, past);
     EdgeView {
         point: p,
         view,
@@ -216,9 +212,7 @@ pub(crate) fn jump_at(scene: &Scene, o: &Observer, s: &Search, e: &EdgeView, k: 
         jump.sides = sides(scene, &p, e.view, motion.side, time);
         let on_minus = jump.sides.minus != NONE;
         let on_plus = jump.sides.plus != NONE;
-        if on_minus {
-            jump.sign = -1.0f32;
-        }
+        jump.sign = select(on_minus, -1.0f32, jump.sign);
         if comptime!(scene.features.emitters) {
             if s.is_light {
                 if comptime!(scene.features.of_emitters.lights) {
@@ -231,9 +225,11 @@ pub(crate) fn jump_at(scene: &Scene, o: &Observer, s: &Search, e: &EdgeView, k: 
         jump.limit = jump.light.limit;
         // Light passes on one side or on none; at the end of a path only the environment is seen.
         let dark = s.of_light || o.bounce >= scene.bounces;
-        if (dark && on_minus && on_plus) || (s.of_light && !on_minus && !on_plus) {
-            jump.limit = -1.0f32;
-        }
+        jump.limit = select(
+            (dark && on_minus && on_plus) || (s.of_light && !on_minus && !on_plus),
+            -1.0f32,
+            jump.limit,
+        );
     }
     jump
 }

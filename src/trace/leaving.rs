@@ -41,9 +41,7 @@ pub(crate) fn leave(
     if comptime!(scene.features.roulette) {
         if bounce < scene.bounces && bounce >= scene.roulette_after {
             left.survival = survival(left.throughput);
-            if u >= left.survival {
-                left.goes_on = false;
-            }
+            left.goes_on = select(u >= left.survival, false, left.goes_on);
             left.throughput = left.throughput * (1.0 / left.survival);
         }
     }

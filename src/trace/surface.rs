@@ -66,10 +66,7 @@ pub(crate) fn on_plane(plane: &Plane, shift: V3, near: V3, direction: V3) -> OnP
     let mut at_rest = near - shift;
     // Back onto the plane: how far off it is was rounded by the ray's length.
     at_rest -= plane.normal * plane.above(at_rest);
-    let mut side = (-1.0f32).runtime();
-    if plane.normal.dot(direction) < 0.0 {
-        side = 1.0f32;
-    }
+    let side = select(plane.normal.dot(direction) < 0.0, 1.0f32, -1.0f32);
     OnPlane {
         position: at_rest + shift,
         at_rest,

@@ -54,10 +54,7 @@ pub(crate) struct Totals<'a> {
 /// 1 if a sum of two words, of which one is given, has wrapped.
 #[cube]
 pub(crate) fn carry(sum: u32, word: u32) -> u32 {
-    let mut carried = 0u32;
-    if sum < word {
-        carried = 1u32;
-    }
+    let carried = select(sum < word, 1u32, 0u32);
     carried
 }
 
@@ -105,20 +102,12 @@ impl<'a> Totals<'a> {
         }
         let by = shift % 32;
         // The two's complement of negative numbers.
-        let mut flip = 0u32;
-        if scaled < 0.0 {
-            flip = 0xffff_ffffu32;
-        }
+        let flip = select(scaled < 0.0, 0xffff_ffffu32, 0u32);
         let mut carried = flip & 1;
         let mut k = 0u32;
         while k < words {
-            let mut word = 0u32;
-            if k == shift / 32 {
-                word = digits << by;
-            }
-            if k == shift / 32 + 1 {
-                word = (digits >> 1) >> (31 - by);
-            }
+            let mut word = select(k == shift / 32, digits << by, 0u32);
+            word = select(k == shift / 32 + 1, (digits >> 1) >> (31 - by), word);
             word = word ^ flip;
             let more = total(word, carried);
             carried = carry(more, carried);

@@ -5,8 +5,6 @@ use std::sync::Once;
 use burn::backend::DispatchDevice;
 use burn::tensor::{Device, DeviceKind};
 
-use crate::common::gradients::Case;
-use crate::common::long;
 use crate::common::numbers::{largest, pairs};
 
 /// The device: the first GPU, or a software driver where `SOFTRAY_WGPU_KIND` is `cpu`. With the feature `vulkan` its
@@ -81,13 +79,4 @@ impl Flips {
         let one = 17.0 / f64::from(samples);
         assert!(self.pixels <= pixels && self.most <= one, "{self:?}");
     }
-}
-
-/// Of cases of facets, all in the long tier; in the short one those whose parameter turns no directions: the kernel of jumps
-/// that metals and glass reflect takes a software driver three minutes and 17 GB to compile.
-pub fn quick_to_compile(mut cases: Vec<Case>) -> Vec<Case> {
-    let turn_none = ["base colour", "metallic", "eta", "extinction", "a spot"];
-    cases.retain(|case| long() || turn_none.iter().any(|name| case.name.starts_with(name)));
-    assert!(cases.len() >= 4);
-    cases
 }

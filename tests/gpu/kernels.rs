@@ -9,7 +9,7 @@ use crate::common::gradients::{
 use crate::common::numbers::{apart, largest, norm, pairs};
 use crate::common::scenes::{diffuse, emitting, facing_front, floor, lamp, scene_file};
 use crate::common::tensors::{gradient, leaf, radiance, tensor, values, with_leaves};
-use crate::device::{Flips, device, quick_to_compile};
+use crate::device::{Flips, device};
 use burn::tensor::{DType, Device};
 use softray::prelude::*;
 
@@ -270,7 +270,7 @@ fn derivatives_of_emissive_textures() {
 fn derivatives_of_facets() {
     let (gpu, cpu) = (device(), Device::flex());
     let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
-    let cases = quick_to_compile(facet_cases());
+    let cases = facet_cases();
     assert_agreement(&cases, setups, DType::F32, EIGHT, limit);
 }
 
@@ -278,7 +278,7 @@ fn derivatives_of_facets() {
 #[test]
 fn values_outside_of_their_ranges_have_no_gradient() {
     let effort = EIGHT;
-    for case in quick_to_compile(clamped_cases()) {
+    for case in clamped_cases() {
         let found = of_seed(&case, (&device(), |o| o), DType::F32, effort, 5);
         assert_eq!(found, 0.0, "{}", case.name);
     }

@@ -152,10 +152,7 @@ fn weigh_node(tree: &Root, node: usize, q: &Query, large: f32, room: &mut [u32])
     let block = &tree.nodes[first..first + LANES * NODE];
     for i in 0..LANES {
         let found = subtree(block, i).estimate(q, large);
-        let mut enters = 0u32;
-        if found.enter {
-            enters = 1u32;
-        }
+        let enters = select(found.enter, 1u32, 0u32);
         room[i] = found.weight.to_bits();
         room[ENTERS + i] = enters;
     }

@@ -18,7 +18,7 @@ use super::glass_albedo::given_back;
 use super::refraction::{Turn, UPRIGHT};
 use super::{IMPOSSIBLE, Lobe, Scatter, Shading, ShadingGradient};
 use crate::cube::*;
-use crate::model::{V3, splat, v3};
+use crate::model::{V3, select_vector, splat, v3};
 
 /// Derivatives of a loss by D, V, the part of light that the interface reflects or lets pass, K, n·v + r_v, which
 /// densities are divided by, cos θ, 1/E and the factor of upright facets.
@@ -133,10 +133,8 @@ pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32
         drawn.direction = shading.refracted_at(&f, half);
     }
     // What a slanted facet turns to the wrong side is lost.
-    let mut kept = normal.dot(drawn.direction) > 0.0;
-    if !drawn.of_gloss {
-        kept = !kept;
-    }
+    let kept = normal.dot(drawn.direction) > 0.0;
+    let kept = select(!drawn.of_gloss, !kept, kept);
     if kept {
         drawn.weight = splat(1.0);
     }
@@ -249,20 +247,14 @@ impl Shading {
     /// cos θ on the side that a direction is on, limited at the horizon.
     #[inline(always)]
     fn cosine_on_side(&self, outgoing: V3, above: bool) -> f32 {
-        let mut towards = outgoing;
-        if !above {
-            towards = -outgoing;
-        }
+        let towards = select_vector(above, outgoing, -outgoing);
         self.cosine(towards)
     }
 
     /// The colour of what is reflected, or refracted.
     #[inline(always)]
     fn tint(&self, above: bool) -> V3 {
-        let mut tint = splat(1.0);
-        if !above {
-            tint = self.diffuse;
-        }
+        let tint = select_vector(above, splat(1.0), self.diffuse);
         tint
     }
 
@@ -316,10 +308,7 @@ impl Shading {
         let by_sum = f.slant_slopes() * g.sum;
         f.nv_backward(slopes.x + by_sum.x + by_nv, &mut by);
         by.alpha += slopes.z + by_sum.y;
-        let mut side = 1.0f32;
-        if !t.above {
-            side = -1.0f32;
-        }
+        let side = select(t.above, 1.0f32, -1.0f32);
         by.normal += outgoing * (slopes.y * side);
         by_outgoing += self.normal * (slopes.y * side);
         self.add_facets(f, &by, gradient);

@@ -111,10 +111,11 @@ impl Facets {
             by_incoming += self.normal * (2.0 * through);
             by_normal += by.view * (2.0 * along) + incoming * (2.0 * through);
         }
-        let mut by_roughness = 0.0f32;
-        if roughness > 0.0 && roughness <= 1.0 && roughness * roughness > LEAST_ALPHA {
-            by_roughness = 2.0 * roughness * by.alpha;
-        }
+        let by_roughness = select(
+            roughness > 0.0 && roughness <= 1.0 && roughness * roughness > LEAST_ALPHA,
+            2.0 * roughness * by.alpha,
+            0.0f32,
+        );
         SurfaceGradient {
             normal: by_normal,
             incoming: by_incoming,

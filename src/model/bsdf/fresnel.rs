@@ -27,11 +27,9 @@ pub(super) fn schlick_slope(cosine: f32) -> f32 {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn half_angle(t0: f32, sum: f32, product: f32) -> f32 {
-    let mut a = (0.5 * (sum + t0)).max(0.0).sqrt();
-    if t0 <= 0.0 {
-        a = product * (2.0 / (sum - t0).max(TINY)).sqrt();
-    }
-    a
+    let far = (0.5 * (sum + t0)).max(0.0).sqrt();
+    let near = product * (2.0 / (sum - t0).max(TINY)).sqrt();
+    select(t0 <= 0.0, near, far)
 }
 
 /// A metal with the index η − i k, of unpolarised light: the reflectance.

@@ -53,11 +53,8 @@ impl Lobe {
     #[inline(always)]
     pub fn holds(&self, direction: V3) -> bool {
         // Vulkan's kernels don't compare what is true or false.
-        let mut held = direction.dot(self.core) >= self.core_cos;
-        if !self.inside {
-            held = !held;
-        }
-        held
+        let held = direction.dot(self.core) >= self.core_cos;
+        select(self.inside, held, !held)
     }
 
     /// Takes a cone, widened by that of the rays, of which `tangent` is that of the half-angle.

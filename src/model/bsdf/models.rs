@@ -65,7 +65,9 @@ macro_rules! models {
                     let mut own = true;
                     // All are Phong's where no other model is known.
                     if comptime!(shading.models.has_others()) {
-                        own = $(shading.model == const { Bsdf::$bsdf as u32 })||+;
+                        own = false;
+                        $(let one = shading.model == const { Bsdf::$bsdf as u32 };
+                        own = own || one;)+
                     }
                     own
                 }

@@ -222,9 +222,6 @@ impl Shading {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn phong(exponent: f32, cosine: f32) -> f32 {
-    let mut lobe = 0.0;
-    if cosine > LEAST {
-        lobe = (cosine.min(1.0).ln() * exponent).exp();
-    }
-    lobe
+    let lobe = (cosine.max(LEAST).min(1.0).ln() * exponent).exp();
+    select(cosine > LEAST, lobe, 0.0)
 }

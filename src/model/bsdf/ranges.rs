@@ -21,11 +21,7 @@ const LEAST_CONTRAST: f32 = scene::LEAST_CONTRAST as f32;
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn clamped(g: f32, x: f32, most: f32) -> f32 {
-    let mut kept = g;
-    if x < 0.0 || x > most {
-        kept = 0.0;
-    }
-    kept
+    select(x < 0.0 || x > most, 0.0, g)
 }
 
 /// A roughness in [0, 1].

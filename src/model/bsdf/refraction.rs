@@ -6,7 +6,7 @@ use super::facets::{Facets, FacetsGradient};
 use super::fresnel::dielectric;
 use super::{IMPOSSIBLE, Scatter, Shading, ShadingGradient};
 use crate::cube::*;
-use crate::model::{V3, splat};
+use crate::model::{V3, select_vector, splat};
 
 /// Facets refract in proportion to so many times n·h, up to all.
 pub(crate) const UPRIGHT: f32 = 64.0;
@@ -36,10 +36,8 @@ impl Shading {
     /// The index of refraction on the other side over that on the view's.
     #[inline(always)]
     pub(super) fn eta(&self) -> f32 {
-        let mut eta = self.ior();
-        if self.inside {
-            eta = 1.0 / eta;
-        }
+        let eta = self.ior();
+        let eta = select(self.inside, 1.0 / eta, eta);
         eta
     }
 
@@ -151,9 +149,7 @@ impl Shading {
         let mut half = f.view + outgoing;
         if !of_gloss {
             half = f.view + outgoing * self.eta();
-            if half.dot(f.normal) < 0.0 {
-                half = -half;
-            }
+            half = select_vector(half.dot(f.normal) < 0.0, -half, half);
         }
         half
     }
