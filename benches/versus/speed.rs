@@ -90,6 +90,7 @@ impl Speed {
         let forward = self.time(|| {
             let image = render(&file.scene, &file.camera, &options).expect("an image");
             let _ = image.radiance.into_data();
+            device.sync().expect("a device that computes");
         });
         let paths = (self.size * self.size) as f64 * f64::from(self.spp);
         print!(
@@ -114,6 +115,7 @@ impl Speed {
                     let gradient = object.mesh.vertices.grad(&gradients);
                     let _ = gradient.expect("a gradient").into_data();
                 }
+                device.sync().expect("a device that computes");
             });
             print!(
                 ", with gradients of all vertices {:.2} M ({both:.3} s)",

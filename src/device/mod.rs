@@ -11,10 +11,10 @@ use burn::tensor::Device;
 use burn::tensor::wgpu::{WgpuBackend, WgpuInitError};
 
 use crate::error::{Error, Result};
-pub(crate) use work::count_read_back;
-pub use work::{Work, work};
+pub use work::{Stage, Work, stages_of, work};
 #[cfg(feature = "wgpu")]
-pub(crate) use work::{count_launch, count_searches, count_upload};
+pub(crate) use work::{count_launch, count_searches, count_upload, is_timed};
+pub(crate) use work::{count_read_back, stage};
 
 /// The variable that names the device where a program is given none; burn's own.
 pub const VARIABLE: &str = "BURN_DEVICE";

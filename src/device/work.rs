@@ -1,7 +1,8 @@
-//! Counts of what this crate does on GPUs.
+//! Counts of what this crate does on GPUs, and the times of stages of renders.
 
 use std::ops::Sub;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
 
@@ -95,4 +96,67 @@ pub(crate) fn count_read_back(device: &Device, numbers: usize) {
         work.read_backs += 1;
         work.read_bytes += 4 * numbers as u64;
     }
+}
+
+/// A stage of renders: a kernel with the time until a device has run it, or what the host does before.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Stage {
+    /// The kernel's name, or what is done.
+    pub name: &'static str,
+    /// How often it ran.
+    pub count: u64,
+    /// The time that it took in all.
+    pub time: Duration,
+}
+
+static STAGES: Mutex<Option<Vec<Stage>>> = Mutex::new(None);
+
+fn stages() -> MutexGuard<'static, Option<Vec<Stage>>> {
+    STAGES.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Measures how long each stage of renders takes while something is done, in the order in which they began; all threads
+/// of the process count. The host waits for each kernel, so all together takes longer than without. The time of a kernel
+/// that was not compiled before is mostly that of its compiler.
+///
+/// ```no_run
+/// # fn step() {}
+/// for stage in softray::device::stages_of(|| step()).1 {
+///     println!("{} × {}: {:?}", stage.count, stage.name, stage.time);
+/// }
+/// ```
+pub fn stages_of<T>(work: impl FnOnce() -> T) -> (T, Vec<Stage>) {
+    *stages() = Some(Vec::new());
+    let done = work();
+    (done, stages().take().unwrap_or_default())
+}
+
+/// Adds the time of a stage while these are measured.
+pub(crate) fn stage<T>(name: &'static str, run: impl FnOnce() -> T) -> T {
+    if stages().is_none() {
+        return run();
+    }
+    let start = Instant::now();
+    let done = run();
+    let time = start.elapsed();
+    if let Some(all) = stages().as_mut() {
+        let place = all.iter().position(|stage| stage.name == name);
+        let place = place.unwrap_or_else(|| {
+            all.push(Stage {
+                name,
+                count: 0,
+                time: Duration::ZERO,
+            });
+            all.len() - 1
+        });
+        all[place].count += 1;
+        all[place].time += time;
+    }
+    done
+}
+
+/// Whether stages are measured.
+#[cfg(feature = "wgpu")]
+pub(crate) fn is_timed() -> bool {
+    stages().is_some()
 }

@@ -9,7 +9,7 @@ use crate::cube::*;
 use super::device::{List, has_room};
 use super::packed::Packed;
 use super::sums::words_of_sums;
-use crate::device::label;
+use crate::device::{is_timed, label};
 use crate::error::{Error, Result};
 use crate::trace::{Features, Scene};
 
@@ -72,10 +72,21 @@ macro_rules! launch {
         use $crate::gpu::device::Argument;
         $crate::device::count_launch();
         let (groups, group) = $crate::gpu::job::groups($threads);
-        $kernel::launch($client, groups, group, $($argument.argument()),*)
+        $crate::device::stage(stringify!($kernel), || {
+            $kernel::launch($client, groups, group, $($argument.argument()),*);
+            $crate::gpu::job::wait_if_timed($client);
+        })
     }};
 }
 pub(super) use launch;
+
+/// Waits until a device has done all, while stages are timed.
+pub(super) fn wait_if_timed(client: &Client) {
+    if is_timed() {
+        // What fails is reported where buffers are asked for.
+        let _ = burn::cubecl::future::block_on(client.sync());
+    }
+}
 
 /// The part of a job that a launch serves: samples of pixels, which are counted over all views.
 #[apply(argument!)]

@@ -17,7 +17,7 @@ use super::searches::{add_before, count_searches, in_order, places_of_order, wor
 use super::sums::{
     AddingLaunch, MORE, TYPICAL, add_replicas, bits_of_each, choose_scales, clear, words_of_sums,
 };
-use crate::device::{self, label};
+use crate::device::{self, label, stage};
 use crate::trace::{BOUNCES, FIRST_SUM, Features, MEASURE, PARTS};
 
 /// Words of a launch's records at most.
@@ -40,7 +40,7 @@ pub(crate) fn gradient_of(
     let (gradient, list) = zeros(upstream, Shape::from([numbers]));
     for (group, job) in jobs {
         let views: Vec<ViewPlaces> = group.iter().map(|&view| views[view]).collect();
-        let films = Films::new(&views, job);
+        let films = stage("edges on films", || Films::new(&views, job));
         let lists = [
             ("the list of edges on films", films.pieces.len()),
             ("the table of pixels", films.table.len()),

@@ -8,7 +8,7 @@ use burn::tensor::Tensor;
 use rayon::prelude::*;
 
 use crate::accel::Hierarchy;
-use crate::device::label;
+use crate::device::{label, stage};
 use crate::error::{Error, Result};
 use crate::geometry::{Context, detached};
 use crate::kernel::{EdgeSets, KernelScene, View, ViewSettings, Wanted};
@@ -127,11 +127,11 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
         unreachable!("the softmax is for tensors");
     };
     let last = options.cache.clone().unwrap_or_default();
-    let (mut hosts, cameras) = read(batch, &last)?;
+    let (mut hosts, cameras) = stage("read and check", || read(batch, &last))?;
     let context = hosts[0].context.clone();
     let lit = hosts.iter().all(HostScene::has_light);
     let last = last.scenes(hosts.len());
-    let scenes = pack(&mut hosts, &last, options);
+    let scenes = stage("lists and boxes", || pack(&mut hosts, &last, options));
 
     let mut row = Collect::default();
     let scene_places = collect_scenes(&mut row, batch);
@@ -155,7 +155,9 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
         let wanted = &of_views[(*view)?].0;
         Some(EdgeSets::new(&hosts[s], &scenes[s], wanted, &last[s].edges))
     };
-    let edge_sets: Vec<Option<Arc<EdgeSets>>> = moving.par_iter().enumerate().map(edges).collect();
+    let edge_sets: Vec<Option<Arc<EdgeSets>>> = stage("edges", || {
+        moving.par_iter().enumerate().map(edges).collect()
+    });
     let mut filters = Filters::default();
     let of_batch = batch.views.iter().zip(&cameras).enumerate();
     let of_batch = of_batch.zip(of_views);

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::forward::{Forward, Traced, camera_tiles};
 use super::prepare::Places;
 use super::rows::Rows;
+use crate::device::stage;
 use crate::error::Result;
 use crate::geometry::{Context, host_values};
 #[cfg(feature = "wgpu")]
@@ -219,7 +220,11 @@ impl Pass<'_> {
 
     fn together(&self, views: Range<usize>) -> Together {
         let of: Vec<&View> = self.views[views.clone()].iter().map(|v| &v.0).collect();
-        let packed = if self.on_gpu() { pack(&of) } else { Vec::new() };
+        let packed = if self.on_gpu() {
+            stage("pack", || pack(&of))
+        } else {
+            Vec::new()
+        };
         let packed = packed
             .into_iter()
             .map(|(group, packed)| (group, Arc::new(packed)));

@@ -1,0 +1,175 @@
+//! A step of a training: images, a loss and its gradient.
+
+use std::time::{Duration, Instant};
+
+use burn::tensor::{Device, Tensor};
+use serde_json::{Value, json};
+use softray::device::{Stage, stages_of, work};
+use softray::prelude::*;
+
+/// Scenes with a body whose vertices are trained and one that stands, or with colours that are trained alone.
+pub struct Step {
+    pub name: &'static str,
+    scenes: usize,
+    /// Faces of the body that moves and of the one that stands.
+    faces: [usize; 2],
+    /// Pixels of a side, and samples.
+    size: usize,
+    samples: u32,
+}
+
+impl Step {
+    pub fn new(
+        name: &'static str,
+        scenes: usize,
+        faces: [usize; 2],
+        (size, samples): (usize, u32),
+    ) -> Self {
+        Self {
+            name,
+            scenes,
+            faces,
+            size,
+            samples,
+        }
+    }
+
+    /// Runs it once, for the k-th time, and returns the images and the gradient.
+    fn run(&self, world: &World, k: usize, device: &Device) -> [Tensor<1>; 2] {
+        let options = RenderOptions::new(self.size, self.size)
+            .samples(self.samples)
+            .bounces(1)
+            .seed(k as u64)
+            .cache(&world.cache);
+        let scale = 1.0 + 1e-4 * k as f64;
+        let parameter = (world.parameter.clone() * scale).autodiff().require_grad();
+        let batch = world.batch(&parameter, self.scenes);
+        let images = render_batch(&batch, &options).expect("images");
+        let gradients = images.radiance.clone().powf_scalar(2.0).mean().backward();
+        let gradient = parameter.grad(&gradients).expect("a gradient");
+        device.sync().expect("a device that computes");
+        let [b, h, w, c] = images.radiance.dims();
+        let of_gradient: usize = gradient.dims().iter().product();
+        [
+            images.radiance.inner().reshape([b * h * w * c]),
+            gradient.reshape([of_gradient]),
+        ]
+    }
+
+    /// The numbers of the image and of the gradient.
+    pub fn values(&self, device: &Device) -> [Vec<f32>; 2] {
+        let world = World::new(self, device);
+        let numbers = |t: Tensor<1>| t.into_data().iter::<f32>().collect();
+        self.run(&world, 0, device).map(numbers)
+    }
+
+    /// The first step, the fastest of some others, what one does, and the times of its stages.
+    pub fn measure(&self, device: &Device, runs: usize) -> Value {
+        let world = World::new(self, device);
+        let timed = |k: usize| {
+            let start = Instant::now();
+            self.run(&world, k, device);
+            start.elapsed()
+        };
+        let first = timed(0);
+        let step = (1..=runs.max(1)).map(timed).min().expect("a run");
+        let before = work();
+        self.run(&world, runs + 1, device);
+        let done = work() - before;
+        let (_, stages) = stages_of(|| self.run(&world, runs + 2, device));
+        let paths = (self.scenes * self.size * self.size) as f64 * f64::from(self.samples);
+        let ms = |t: Duration| 1e3 * t.as_secs_f64();
+        let of = |s: &Stage| json!({ "name": s.name, "count": s.count, "ms": ms(s.time) });
+        // Names of kernels are one word.
+        let of_host = stages.iter().filter(|s| s.name.contains(' '));
+        json!({
+            "name": self.name,
+            "scenes": self.scenes,
+            "faces that move": self.faces[0],
+            "faces that stand": self.faces[1],
+            "size": self.size,
+            "samples": self.samples,
+            "first, s": first.as_secs_f64(),
+            "step, ms": ms(step),
+            "host, ms": ms(of_host.map(|s| s.time).sum()),
+            "million paths a second": 1e-6 * paths / step.as_secs_f64(),
+            "launches": done.launches,
+            "uploads": done.uploads,
+            "bytes up": done.uploaded_bytes,
+            "read-backs": done.read_backs,
+            "bytes back": done.read_bytes,
+            "stages": stages.iter().map(of).collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// What a step is of.
+struct World {
+    scene: Scene,
+    /// Vertices of each scene's body `[B, V, 3]`, or one colour `[1, 1, 3]`.
+    parameter: Tensor<3>,
+    moves: bool,
+    cache: HierarchyCache,
+}
+
+impl World {
+    fn new(step: &Step, device: &Device) -> Self {
+        let [moving, standing] = step.faces;
+        let ball = |faces: usize, x: f64| {
+            let level = ((faces / 20).ilog2() / 2).max(1);
+            let moved = Tensor::from_floats([x as f32, 0.9, 0.0], device);
+            let size = Tensor::from_floats([0.7], device);
+            shapes::icosphere(level, device)
+                .scaled(size)
+                .translated(moved)
+        };
+        let square = |y: f64, half: f64, up: f64| {
+            let at = |x: f64, z: f64| [half * x, y, half * z * up];
+            let [a, b] = [at(-1.0, -1.0), at(-1.0, 1.0)];
+            let [c, d] = [at(1.0, 1.0), at(1.0, -1.0)];
+            shapes::quad(a, b, c, d, device)
+        };
+        let matt = |colour: [f64; 3]| Material::diffuse(colour);
+        let mut scene = Scene::new()
+            .with(Object::new(square(0.0, 3.0, 1.0)).material(matt([0.7; 3])))
+            .with(Object::new(square(4.0, 0.7, -1.0)).material(Material::emitter([9.0; 3])))
+            .environment([0.2; 3]);
+        if standing > 0 {
+            let object = Object::new(ball(standing, 0.9)).named("stands");
+            scene = scene.with(object.material(matt([0.3, 0.5, 0.7])));
+        }
+        let mut parameter = Tensor::from_floats([[[0.3, 0.5, 0.7]]], device);
+        if moving > 0 {
+            let mesh = ball(moving, -0.9);
+            let [count, _] = mesh.vertices.dims();
+            let one = mesh.vertices.clone().reshape([1, count, 3]);
+            parameter = one.repeat(&[step.scenes, 1, 1]);
+            let object = Object::new(mesh).named("moves");
+            scene = scene.with(object.material(matt([0.7, 0.5, 0.3])));
+        }
+        Self {
+            scene,
+            parameter,
+            moves: moving > 0,
+            cache: HierarchyCache::default(),
+        }
+    }
+
+    fn batch(&self, parameter: &Tensor<3>, scenes: usize) -> Batch {
+        let camera = |k: usize| {
+            let turn = 0.1 * k as f64;
+            let eye = [5.0 * turn.sin(), 1.5, 5.0 * turn.cos()];
+            Camera::look_at(eye, [0.0, 0.8, 0.0]).fov_y(45.0)
+        };
+        let cameras = (0..scenes).map(camera).collect();
+        if self.moves {
+            let batch = Batch::new(vec![self.scene.clone(); scenes], cameras);
+            let batch = batch.and_then(|b| b.with_vertices("moves", parameter.clone()));
+            return batch.expect("a batch");
+        }
+        let colour = parameter.clone().reshape([3]);
+        let scene = self.scene.clone();
+        let scene = scene.map_object("stands", |o| o.material(Material::diffuse(colour.clone())));
+        Batch::new(vec![scene.expect("the body")], cameras).expect("a batch")
+    }
+}
