@@ -80,8 +80,7 @@ impl Step {
         let paths = (self.scenes * self.size * self.size) as f64 * f64::from(self.samples);
         let ms = |t: Duration| 1e3 * t.as_secs_f64();
         let of = |s: &Stage| json!({ "name": s.name, "count": s.count, "ms": ms(s.time) });
-        // Names of kernels are one word.
-        let of_host = stages.iter().filter(|s| s.name.contains(' '));
+        let of_host = stages.iter().filter(|s| !s.on_device);
         json!({
             "name": self.name,
             "scenes": self.scenes,

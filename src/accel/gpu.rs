@@ -1,9 +1,11 @@
 //! The tree as GPUs traverse it: nodes of two boxes.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
+use rayon::prelude::*;
 
 use super::hierarchy::Hierarchy;
 use super::triangle::HostTriangle;
@@ -34,38 +36,73 @@ pub(crate) const HIT_STRIDE: u32 = 20;
 
 impl Hierarchy {
     /// The tree as GPUs traverse it; without nodes where there are few triangles.
-    pub(crate) fn for_gpu(&self) -> GpuTree {
-        let mut tree = GpuTree::default();
-        match &self.built {
-            Some(built) => {
-                let mut nodes = self.fitted(built);
-                tree.triangles = std::mem::take(&mut nodes.primitive_indices);
-                tree.root = tree.add(&nodes, &self.triangles, 0, 1);
-            }
-            None => tree.triangles = (0..self.triangles.len() as u32).collect(),
-        }
-        let met = |&k: &u32| self.triangles[k as usize].as_met();
-        tree.hits = tree.triangles.iter().map(met).collect();
-        tree
-    }
-
-    /// The binary tree with boxes about the triangles.
-    fn fitted(&self, built: &Bvh2) -> Bvh2 {
-        let mut nodes = built.clone();
-        let primitives = std::mem::take(&mut nodes.primitive_indices);
-        for node in nodes.nodes.iter_mut().filter(|n| n.is_leaf()) {
-            let first = node.first_index as usize;
-            let list = &primitives[first..first + node.prim_count as usize];
-            let boxes = list.iter().map(|&k| self.triangles[k as usize].swept());
-            node.set_aabb(boxes.fold(Aabb::INVALID, |a, b| a.union(&b)));
-        }
-        nodes.primitive_indices = primitives;
-        nodes.refit_all();
-        nodes
+    pub(crate) fn for_gpu(&self) -> Arc<GpuTree> {
+        let make = || {
+            let mut tree = match (&self.last_for_gpu, &self.built) {
+                (Some(last), _) => last.divided(),
+                (None, Some(built)) => GpuTree::of(built, &self.triangles),
+                (None, None) => GpuTree {
+                    triangles: (0..self.triangles.len() as u32).collect(),
+                    ..GpuTree::default()
+                },
+            };
+            tree.fit(&self.triangles);
+            Arc::new(tree)
+        };
+        self.for_gpu.get_or_init(make).clone()
     }
 }
 
 impl GpuTree {
+    /// The nodes of a binary tree, whose boxes are not yet fitted.
+    fn of(built: &Bvh2, triangles: &[HostTriangle]) -> Self {
+        let mut tree = Self {
+            triangles: built.primitive_indices.clone(),
+            ..Self::default()
+        };
+        tree.root = tree.add(built, triangles, 0, 1);
+        tree
+    }
+
+    /// The same nodes and leaves for triangles that have moved.
+    fn divided(&self) -> Self {
+        Self {
+            root: self.root,
+            boxes: vec![[0.0; 12]; self.boxes.len()],
+            children: self.children.clone(),
+            leaves: self.leaves.clone(),
+            triangles: self.triangles.clone(),
+            hits: Vec::new(),
+            depth: self.depth,
+        }
+    }
+
+    /// Fits boxes to triangles, and says how rays meet these.
+    fn fit(&mut self, triangles: &[HostTriangle]) {
+        let met = |&k: &u32| triangles[k as usize].as_met();
+        self.hits = self.triangles.par_iter().map(met).collect();
+        let of_leaf = |&[first, count]: &[u32; 2]| {
+            let list = &self.triangles[first as usize..][..count as usize];
+            let boxes = list.iter().map(|&k| triangles[k as usize].swept());
+            numbers(boxes.fold(Aabb::INVALID, |a, b| a.union(&b)))
+        };
+        let of_leaves: Vec<[f32; 6]> = self.leaves.par_iter().map(of_leaf).collect();
+        // Children of a node come behind it.
+        for index in (0..self.boxes.len()).rev() {
+            let of_child = self.children[index].map(|child| match child {
+                LEAF.. => of_leaves[(child - LEAF) as usize],
+                node => {
+                    let both = &self.boxes[node as usize];
+                    std::array::from_fn(|i| match i {
+                        0..3 => both[i].min(both[i + 6]),
+                        _ => both[i].max(both[i + 6]),
+                    })
+                }
+            });
+            self.boxes[index].copy_from_slice(of_child.as_flattened());
+        }
+    }
+
     fn add(&mut self, nodes: &Bvh2, triangles: &[HostTriangle], at: usize, depth: usize) -> u32 {
         let node = &nodes.nodes[at];
         let first = node.first_index as usize;
@@ -73,7 +110,7 @@ impl GpuTree {
             return self.add_leaf(triangles, first..first + node.prim_count as usize, depth);
         }
         let children = [first, first + 1];
-        let index = self.add_node(children.map(|child| *nodes.nodes[child].aabb()));
+        let index = self.add_node();
         self.children[index] = children.map(|child| self.add(nodes, triangles, child, depth + 1));
         index as u32
     }
@@ -93,23 +130,23 @@ impl GpuTree {
         all.sort_by(|a, b| of(a).center()[axis].total_cmp(&of(b).center()[axis]));
         let middle = list.start + list.len() / 2;
         let halves = [list.start..middle, middle..list.end];
-        let boxes = halves.clone().map(|half| {
-            let half = self.triangles[half].iter().map(of);
-            half.fold(Aabb::INVALID, |a, b| a.union(&b))
-        });
-        let index = self.add_node(boxes);
+        let index = self.add_node();
         self.children[index] = halves.map(|half| self.add_leaf(triangles, half, depth + 1));
         index as u32
     }
 
-    /// Adds a node without its children.
-    fn add_node(&mut self, boxes: [Aabb; 2]) -> usize {
-        let corners = boxes.map(|b| [b.min.to_array(), b.max.to_array()]);
-        let numbers = corners.as_flattened().as_flattened();
-        self.boxes.push(std::array::from_fn(|i| numbers[i]));
+    /// Adds a node without its children and their boxes.
+    fn add_node(&mut self) -> usize {
+        self.boxes.push([0.0; 12]);
         self.children.push([0; 2]);
         self.boxes.len() - 1
     }
+}
+
+/// The corners of a box.
+fn numbers(aabb: Aabb) -> [f32; 6] {
+    let corners = [aabb.min.to_array(), aabb.max.to_array()];
+    std::array::from_fn(|i| corners.as_flattened()[i])
 }
 
 impl HostTriangle {

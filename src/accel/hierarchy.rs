@@ -1,8 +1,12 @@
 //! Boxes over triangles: how they are built, and fitted to triangles that moved.
 
+#[cfg(feature = "wgpu")]
+use std::sync::OnceLock;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::build::{Spare, tree};
+#[cfg(feature = "wgpu")]
+use super::gpu::GpuTree;
 use super::triangle::HostTriangle;
 use super::wide::{FEW, Wide};
 use glam::DVec3;
@@ -23,6 +27,11 @@ pub(crate) struct Hierarchy {
     /// The binary tree that the nodes were gathered from, with boxes about the triangles of then.
     #[cfg(feature = "wgpu")]
     pub(super) built: Option<Arc<obvhs::bvh2::Bvh2>>,
+    /// The tree for GPUs, once one was asked for it, and that of the triangles before, if boxes were fitted since.
+    #[cfg(feature = "wgpu")]
+    pub(super) for_gpu: OnceLock<Arc<GpuTree>>,
+    #[cfg(feature = "wgpu")]
+    pub(super) last_for_gpu: Option<Arc<GpuTree>>,
     /// Σ half areas of the boxes when they were built.
     cost: f64,
 }
@@ -46,6 +55,10 @@ impl Hierarchy {
             complete,
             #[cfg(feature = "wgpu")]
             built: nodes.map(Arc::new),
+            #[cfg(feature = "wgpu")]
+            for_gpu: OnceLock::new(),
+            #[cfg(feature = "wgpu")]
+            last_for_gpu: None,
         }
     }
 
@@ -62,6 +75,10 @@ impl Hierarchy {
         if alike {
             self.wide.fit(&self.triangles, extent(&self.triangles));
             if self.wide.cost() <= 1.5 * self.cost {
+                #[cfg(feature = "wgpu")]
+                if let Some(last) = self.for_gpu.take() {
+                    self.last_for_gpu = Some(last);
+                }
                 return true;
             }
         }

@@ -13,7 +13,7 @@ use burn::tensor::wgpu::{WgpuBackend, WgpuInitError};
 use crate::error::{Error, Result};
 pub use work::{Stage, Work, stages_of, work};
 #[cfg(feature = "wgpu")]
-pub(crate) use work::{count_launch, count_searches, count_upload, is_timed};
+pub(crate) use work::{count_launch, count_searches, count_upload, kernel};
 pub(crate) use work::{count_read_back, stage};
 
 /// The variable that names the device where a program is given none; burn's own.

@@ -101,8 +101,10 @@ pub(crate) fn count_read_back(device: &Device, numbers: usize) {
 /// A stage of renders: a kernel with the time until a device has run it, or what the host does before.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stage {
-    /// The kernel's name, or what is done.
+    /// The kernel's name, or what the host does.
     pub name: &'static str,
+    /// Whether it is a kernel.
+    pub on_device: bool,
     /// How often it ran.
     pub count: u64,
     /// The time that it took in all.
@@ -133,6 +135,21 @@ pub fn stages_of<T>(work: impl FnOnce() -> T) -> (T, Vec<Stage>) {
 
 /// Adds the time of a stage while these are measured.
 pub(crate) fn stage<T>(name: &'static str, run: impl FnOnce() -> T) -> T {
+    timed(name, false, run)
+}
+
+/// Adds the time of a kernel while stages are measured: its launch, after which the host waits for the device.
+#[cfg(feature = "wgpu")]
+pub(crate) fn kernel(name: &'static str, launch: impl FnOnce(), wait: impl FnOnce()) {
+    timed(name, true, || {
+        launch();
+        if stages().is_some() {
+            wait();
+        }
+    });
+}
+
+fn timed<T>(name: &'static str, on_device: bool, run: impl FnOnce() -> T) -> T {
     if stages().is_none() {
         return run();
     }
@@ -144,6 +161,7 @@ pub(crate) fn stage<T>(name: &'static str, run: impl FnOnce() -> T) -> T {
         let place = place.unwrap_or_else(|| {
             all.push(Stage {
                 name,
+                on_device,
                 count: 0,
                 time: Duration::ZERO,
             });
@@ -153,10 +171,4 @@ pub(crate) fn stage<T>(name: &'static str, run: impl FnOnce() -> T) -> T {
         all[place].time += time;
     }
     done
-}
-
-/// Whether stages are measured.
-#[cfg(feature = "wgpu")]
-pub(crate) fn is_timed() -> bool {
-    stages().is_some()
 }

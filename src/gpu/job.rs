@@ -9,7 +9,7 @@ use crate::cube::*;
 use super::device::{List, has_room};
 use super::packed::Packed;
 use super::sums::words_of_sums;
-use crate::device::{is_timed, label};
+use crate::device::label;
 use crate::error::{Error, Result};
 use crate::trace::{Features, Scene};
 
@@ -72,20 +72,19 @@ macro_rules! launch {
         use $crate::gpu::device::Argument;
         $crate::device::count_launch();
         let (groups, group) = $crate::gpu::job::groups($threads);
-        $crate::device::stage(stringify!($kernel), || {
-            $kernel::launch($client, groups, group, $($argument.argument()),*);
-            $crate::gpu::job::wait_if_timed($client);
-        })
+        $crate::device::kernel(
+            stringify!($kernel),
+            || $kernel::launch($client, groups, group, $($argument.argument()),*),
+            || $crate::gpu::job::wait($client),
+        )
     }};
 }
 pub(super) use launch;
 
-/// Waits until a device has done all, while stages are timed.
-pub(super) fn wait_if_timed(client: &Client) {
-    if is_timed() {
-        // What fails is reported where buffers are asked for.
-        let _ = burn::cubecl::future::block_on(client.sync());
-    }
+/// Waits until a device has run all that was launched.
+pub(super) fn wait(client: &Client) {
+    // What fails is reported where buffers are asked for.
+    let _ = burn::cubecl::future::block_on(client.sync());
 }
 
 /// The part of a job that a launch serves: samples of pixels, which are counted over all views.
@@ -195,7 +194,7 @@ impl Job {
 
     /// The lists of its views, and that of its pixels.
     pub(super) fn lists(&self, client: &Client) -> [List; 3] {
-        let [floats, words, none] = self.views.on_device(client);
+        let [floats, words, none] = self.views.buffers.on_device(client);
         let pixels = self.pixels.as_ref();
         let pixels = pixels.map(|pixels| List::send(client, [u32::as_bytes(pixels)]));
         let [pixels] = pixels.unwrap_or([none]);
@@ -230,7 +229,7 @@ pub(crate) fn check<'a>(
 ) -> Result<()> {
     let mut lists = Vec::new();
     for job in jobs {
-        let scene = job.views.floats.len().max(job.views.words.len());
+        let scene = job.views.buffers.longest();
         lists.push(("the scene", scene));
         lists.push(("the image", job.count() * job.outputs.rows()));
         if with_gradient {

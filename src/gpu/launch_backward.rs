@@ -101,7 +101,7 @@ impl<'a> Pass<'a> {
         let of_path = of_path(job);
         let at_once = (RECORDS / of_path).clamp(1, job.count() * job.samples as usize);
         let order = words_of_order(at_once * points(job));
-        let most = (at_once * points(job)).max(PATHS.min(films.samples as usize));
+        let most = at_once * points(job) + PATHS.min(films.samples as usize);
         let bits = bits_of_each(16 * most as u64);
         let mut scales = vec![MEASURE; PARTS];
         scales.push(2.0f32.powi(bits));
@@ -147,12 +147,16 @@ impl<'a> Pass<'a> {
         }
         self.measure();
         launch!(&self.client, self.sums.length, clear(&self.sums));
-        for piece in self.job.pieces(self.at_once) {
+        let samples = self.films.samples as usize;
+        let mut pieces = self.job.pieces(self.at_once).into_iter().peekable();
+        while let Some(piece) = pieces.next() {
             self.add_paths(piece, &self.sums);
             self.count_searches(piece);
-            self.fold();
+            // The last ones together with the first samples of films.
+            if pieces.peek().is_some() || samples == 0 {
+                self.fold();
+            }
         }
-        let samples = self.films.samples as usize;
         for first in (0..samples).step_by(PATHS) {
             self.add_film([first, (samples - first).min(PATHS), 0], &self.sums);
             self.fold();
@@ -311,7 +315,7 @@ impl<'a> Pass<'a> {
 
 /// Points of a path at most.
 fn points(job: &Job) -> usize {
-    job.views.words[BOUNCES] as usize + 1
+    job.views.buffers.words.words[BOUNCES] as usize + 1
 }
 
 /// Words of a path's records.

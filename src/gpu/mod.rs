@@ -18,6 +18,7 @@
 )]
 
 mod backward;
+mod buffers;
 mod camera;
 mod counts;
 mod device;
@@ -38,6 +39,7 @@ mod searches;
 mod sums;
 mod walk;
 
+pub(crate) use buffers::LastBuffers;
 pub(crate) use counts::counts_of;
 pub(crate) use device::identity;
 pub(crate) use job::{Job, Outputs, check};

@@ -2,12 +2,11 @@
 //! for each view, which says where the lists of its [`Scene`] lie; views share what is the same.
 
 use std::collections::HashMap;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
-use burn::cubecl::prelude::{Client, CubeElement};
 use rayon::prelude::*;
 
-use super::device::List;
+use super::buffers::{Buffers, Plan};
 use super::sums::Places;
 use crate::accel::GpuTree;
 use crate::kernel::View;
@@ -23,18 +22,18 @@ const NUMBERS: usize = 1 << 24;
 
 /// Views that kernels trace together, as buffers.
 pub(crate) struct Packed {
-    pub floats: Vec<f32>,
-    pub words: Vec<u32>,
+    pub buffers: Arc<Buffers>,
     pub views: usize,
     pub features: Features,
     pub derivatives: Derivatives,
     pub sums: Places,
-    /// The buffers on the device, once they were sent there, and a list for kernels that need none.
-    sent: OnceLock<[List; 3]>,
 }
 
-/// The numbers of views in groups that have the same kernels.
-pub(crate) fn pack(views: &[&View]) -> Vec<(Vec<usize>, Packed)> {
+/// The numbers of views in groups that have the same kernels, in the buffers of the last render where these serve.
+pub(crate) fn pack(
+    views: &[&View],
+    mut last: impl Iterator<Item = Buffers>,
+) -> Vec<(Vec<usize>, Packed)> {
     // Views of one scene share its lists: those of the first.
     let mut known = HashMap::new();
     let of_view: Vec<usize> = (0..views.len())
@@ -79,7 +78,12 @@ pub(crate) fn pack(views: &[&View]) -> Vec<(Vec<usize>, Packed)> {
             }
             let (group, rest) = list.split_at(past);
             let of_group = group.iter().map(|&v| (views[v], of_view[v], scene(v)));
-            let packed = Packed::new(of_group.collect(), features, derivatives);
+            let packed = Packed::new(
+                of_group.collect(),
+                features,
+                derivatives,
+                last.next().unwrap_or_default(),
+            );
             groups.push((group.to_vec(), packed));
             list = rest;
         }
@@ -105,49 +109,36 @@ impl Packed {
         views: Vec<(&View, usize, &OfScene)>,
         features: Features,
         derivatives: Derivatives,
+        last: Buffers,
     ) -> Self {
         let sums = Places::new(views.iter().map(|&(view, scene, _)| (view, scene)));
-        let mut packed = Self {
-            floats: Vec::new(),
-            words: vec![0; views.len() * HEADER],
-            views: views.len(),
-            features,
-            derivatives,
-            sums,
-            sent: OnceLock::new(),
-        };
-        // Where lists begin that are in the buffers.
-        let (mut floats, mut words) = (HashMap::new(), HashMap::new());
-        let sums = packed.sums.first.clone();
-        for (v, &(view, _, of_scene)) in views.iter().enumerate() {
-            let mut scene = of_scene.add_to(view.lists());
-            scene.first_sums = &sums[v];
-            let mut header = [0; HEADER];
+        let (mut floats, mut words) = (Plan::default(), Plan::after(views.len() * HEADER));
+        let mut headers = vec![[0; HEADER]; views.len()];
+        let scenes = views.iter().zip(&sums.first);
+        let scenes = scenes.map(|(&(view, _, of_scene), first_sums)| Scene {
+            first_sums,
+            ..of_scene.add_to(view.lists())
+        });
+        let scenes: Vec<Scene> = scenes.collect();
+        for (scene, header) in scenes.iter().zip(&mut headers) {
             for (place, list) in scene.float_lists() {
-                header[place as usize] = place_of(list, &mut packed.floats, &mut floats);
+                header[place as usize] = floats.place(list);
             }
             for (place, list) in scene.word_lists() {
-                header[place as usize] = place_of(list, &mut packed.words, &mut words);
+                header[place as usize] = words.place(list);
             }
             for (place, number) in scene.numbers() {
                 header[place as usize] = number;
             }
-            packed.words[v * HEADER..][..HEADER].copy_from_slice(&header);
         }
-        packed
-    }
-
-    /// The buffers on the device, which are sent there once.
-    pub(super) fn on_device(&self, client: &Client) -> [List; 3] {
-        let lists = || {
-            [
-                f32::as_bytes(&self.floats),
-                u32::as_bytes(&self.words),
-                &[0; 4],
-            ]
-        };
-        let send = || List::send(client, lists());
-        self.sent.get_or_init(send).clone()
+        let buffers = Buffers::new(floats, words, headers.as_flattened(), last);
+        Self {
+            buffers: Arc::new(buffers),
+            views: views.len(),
+            features,
+            derivatives,
+            sums,
+        }
     }
 }
 
@@ -166,7 +157,7 @@ fn place_of<T: Copy>(
 /// What GPUs need of a scene beside the lists that the host has.
 #[derive(Default)]
 pub(super) struct OfScene {
-    pub tree: GpuTree,
+    pub tree: Arc<GpuTree>,
     counted: Vec<u32>,
     vertex_starts: Vec<u32>,
     vertex_corners: Vec<u32>,

@@ -10,11 +10,13 @@ use crate::scene::Constants;
 /// What is kept from render to render, as in the steps of a fit: boxes over triangles, which edges meshes have, and how
 /// these are divided, for each scene of a batch by its number. Boxes are fitted to triangles that moved, and built anew
 /// when they have grown by half, or there are other triangles. Of GPUs the numbers of tensors that are not in a graph are
-/// kept, so that each is read back once.
+/// kept, so that each is read back once, and the lists of scenes, of which the next render sends what has changed.
 #[derive(Clone, Default)]
 pub struct HierarchyCache {
     scenes: Arc<Mutex<Vec<LastScene>>>,
     constants: Arc<Mutex<Constants>>,
+    #[cfg(feature = "wgpu")]
+    pub(super) buffers: crate::gpu::LastBuffers,
 }
 
 /// What a scene leaves for the next render.

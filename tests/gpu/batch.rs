@@ -103,8 +103,8 @@ fn work_of_a_step() {
             let by = gradient(&vertices, &gradients);
             assert!(by.iter().any(|&g| g != 0.0));
             println!("{scenes} scenes: {step:?}");
-            // Two for the image, and of the gradient four where the loss is looked at, seven for the sizes of
-            // derivatives, eight for paths, two for films, and one before and behind.
+            // One for what of the scene has changed, two for the image, and of the gradient four where the loss is looked
+            // at, seven for the sizes of derivatives, seven for paths, two for films, and one before and behind.
             assert!(step.launches <= 25, "{step:?}");
             assert_eq!((step.uploads, step.read_backs), (2, 1), "{step:?}");
             step.read_bytes
@@ -112,6 +112,54 @@ fn work_of_a_step() {
         let [first, second] = [1.0, 1.1].map(step);
         assert_eq!(second, 4 * numbers as u64);
         assert!(first > second);
+    }
+}
+
+/// What has not changed since the last render with a cache is not sent again. Images and gradients are those without a cache,
+/// also of an image whose graph is kept while others are rendered.
+#[test]
+fn scenes_stay_on_the_device() {
+    if !alone(scenes_stay_on_the_device) {
+        return;
+    }
+    let device = device();
+    let camera = Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+    let options = RenderOptions::new(12, 12).samples(2).bounces(1);
+    let kept = options.clone().cache(&HierarchyCache::default());
+    // The sum of an image with a colour and a size of the body, and both in its graph.
+    let render = |colour: f32, size: f32, options: &RenderOptions| {
+        let colour = leaf(&[colour, 0.5, 0.6], &device);
+        let size = leaf(&[size], &device);
+        let body = shapes::icosphere(3, &device).scaled(size.clone());
+        let scene = Scene::new()
+            .with(diffuse(floor(2.0, -0.6, &device), [0.5, 0.4, 0.3]))
+            .with(lamp(0.5, 2.0, [5.0, 4.0, 3.0], &device))
+            .with(Object::new(body).material(Material::diffuse(colour.clone())));
+        let before = work();
+        let image = render(&scene, &camera, options).expect("an image");
+        let sent = (work() - before).uploaded_bytes;
+        (image.radiance.powf_scalar(2.0).sum(), [colour, size], sent)
+    };
+    type Rendered = (Tensor<1>, [Tensor<1>; 2], u64);
+    let numbers = |(loss, parameters, _): &Rendered| {
+        let gradients = loss.backward();
+        let by = parameters.iter().flat_map(|p| gradient(p, &gradients));
+        by.chain(values(loss)).collect::<Vec<f64>>()
+    };
+    let mut sent = Vec::new();
+    let steps = [(0.3, 0.5), (0.4, 0.5), (0.4, 0.55), (0.4, 0.55), (0.2, 0.5)];
+    for (colour, size) in steps {
+        let step = render(colour, size, &kept);
+        sent.push(step.2);
+        assert_eq!(numbers(&step), numbers(&render(colour, size, &options)));
+    }
+    println!("bytes sent: {sent:?}");
+    // A colour, the body, nothing, all.
+    assert!(sent[1] * 20 < sent[0] && sent[2] > sent[1] && sent[3] == 0);
+    let first = render(0.3, 0.5, &kept);
+    let second = render(0.9, 0.6, &kept);
+    for (step, (colour, size)) in [(&second, (0.9, 0.6)), (&first, (0.3, 0.5))] {
+        assert_eq!(numbers(step), numbers(&render(colour, size, &options)));
     }
 }
 

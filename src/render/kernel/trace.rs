@@ -17,6 +17,7 @@ use crate::geometry::{Context, host_values};
 use crate::gpu::{Job, Packed, pack};
 use crate::kernel::View;
 use crate::render::adaptive::{pilots, shares};
+use crate::render::cache::HierarchyCache;
 use crate::render::options::RenderOptions;
 
 /// What is traced, and how.
@@ -62,7 +63,7 @@ pub(super) type Jobs = std::convert::Infallible;
 impl Pass<'_> {
     /// The rows of all pixels of all views, what was counted, and what was run on a GPU if so.
     pub fn trace(&self, with_gradient: bool) -> Result<(Images, Option<Jobs>)> {
-        let all = self.together(0..self.views.len());
+        let all = self.together(0..self.views.len(), self.options.cache.as_ref());
         let share = self.share(0..self.options.samples);
         #[cfg(feature = "wgpu")]
         let jobs = self.on_gpu().then(|| self.jobs(&all, &share));
@@ -136,7 +137,7 @@ impl Pass<'_> {
             let view = if self.views.len() == 1 {
                 all
             } else {
-                own = self.together(v..v + 1);
+                own = self.together(v..v + 1, None);
                 &own
             };
             let (image, mut own) = self.view(view, shares, Some((&done.0, done.1)))?;
@@ -207,7 +208,7 @@ impl Pass<'_> {
         false
     }
 
-    fn together(&self, views: Range<usize>) -> Together {
+    fn together(&self, views: Range<usize>, _: Option<&HierarchyCache>) -> Together {
         Together { views }
     }
 }
@@ -218,13 +219,19 @@ impl Pass<'_> {
         self.context.dtype == DType::F32 && crate::device::runs_kernels(&self.context.device)
     }
 
-    fn together(&self, views: Range<usize>) -> Together {
+    /// Views together, in the buffers of the last render with a cache.
+    fn together(&self, views: Range<usize>, cache: Option<&HierarchyCache>) -> Together {
         let of: Vec<&View> = self.views[views.clone()].iter().map(|v| &v.0).collect();
-        let packed = if self.on_gpu() {
-            stage("pack", || pack(&of))
-        } else {
-            Vec::new()
-        };
+        let mut packed = Vec::new();
+        if self.on_gpu() {
+            let device = &self.context.device;
+            let last = cache.map(|cache| cache.buffers.take(device));
+            packed = stage("pack", || pack(&of, last.into_iter().flatten()));
+            if let Some(cache) = cache {
+                let buffers = packed.iter().map(|(_, packed)| packed.buffers.clone());
+                cache.buffers.keep(device, buffers);
+            }
+        }
         let packed = packed
             .into_iter()
             .map(|(group, packed)| (group, Arc::new(packed)));
