@@ -8,6 +8,7 @@ mod device;
 
 mod backend;
 mod batch;
+mod compiled;
 mod kernels;
 mod losses;
 mod memory;

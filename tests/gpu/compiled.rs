@@ -1,0 +1,71 @@
+//! Kernels that a training compiles.
+
+use std::path::Path;
+
+use crate::common::folder::Folder;
+use crate::common::process::again;
+use crate::common::scenes::{diffuse, floor, lamp};
+use crate::common::tensors::gradient;
+use crate::device::device;
+use burn::tensor::Tensor;
+use softray::prelude::*;
+
+/// The variable that names the file in which CubeCL logs what it compiles.
+const LOG: &str = "CUBECL_DEBUG_LOG";
+
+/// Kernels of this crate that were compiled so far, by the log.
+fn compiled(log: &Path) -> usize {
+    let text = std::fs::read_to_string(log).expect("a log");
+    text.matches("\nname: softray::").count()
+}
+
+/// A hundred steps in which a body changes its form, comes to pass through the floor and leaves it again compile no kernel
+/// after the third.
+#[test]
+fn a_fit_compiles_its_kernels_in_its_first_steps() {
+    let Some(log) = std::env::var_os(LOG) else {
+        let folder = Folder::new("compiled");
+        let mut own = again(a_fit_compiles_its_kernels_in_its_first_steps);
+        let output = own.env(LOG, folder.path("log")).output();
+        let output = output.expect("a process");
+        let said = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
+        println!("{}{}", said[0], said[1]);
+        assert!(output.status.success() && said[0].contains("1 passed"));
+        return;
+    };
+    let device = device();
+    let ball = shapes::icosphere(2, &device).scaled([0.5; 3]);
+    let scene = Scene::new()
+        .with(diffuse(floor(2.0, -0.6, &device), [0.5, 0.4, 0.3]))
+        .with(lamp(0.5, 2.0, [5.0, 4.0, 3.0], &device))
+        .with(diffuse(ball.clone(), [0.3, 0.5, 0.6]).named("body"));
+    let camera = Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+    let cache = HierarchyCache::default();
+    let options = RenderOptions::new(8, 8).samples(2).bounces(1).cache(&cache);
+    let waves = (ball.vertices.clone() * 9.0).sin();
+    let mut early = 0;
+    for step in 0..100u32 {
+        let down = 0.3 * (f64::from(step) / 99.0 * std::f64::consts::PI).sin();
+        let down = Tensor::<1>::from_floats([0.0, -down as f32, 0.0], &device);
+        let vertices = ball.vertices.clone() + waves.clone() * (0.001 * f64::from(step));
+        let vertices = (vertices + down.unsqueeze()).autodiff().require_grad();
+        let body = ball.clone().with_vertices(vertices.clone());
+        let scene = scene
+            .clone()
+            .map_object("body", |o| o.map_mesh(|_| body.clone()));
+        let scene = scene.expect("the body");
+        let image = render(&scene, &camera, &options.clone().seed(step.into())).expect("an image");
+        let gradients = image.radiance.powf_scalar(2.0).sum().backward();
+        assert!(
+            gradient(&vertices, &gradients)
+                .iter()
+                .all(|g| g.is_finite())
+        );
+        if step == 2 {
+            early = compiled(Path::new(&log));
+        }
+    }
+    let all = compiled(Path::new(&log));
+    println!("{early} kernels in three steps, {all} in a hundred");
+    assert!(early > 10 && all == early);
+}
