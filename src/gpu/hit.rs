@@ -95,8 +95,7 @@ fn enter(scene: &Scene, at: u32, cast: Cast, inverse: V3, limit: f32) -> f32 {
     let bz = (high.z + cast.margin) * inverse.z;
     let near = cast.from.max(ax.min(bx)).max(ay.min(by)).max(az.min(bz));
     let far = limit.min(ax.max(bx)).min(ay.max(by)).min(az.max(bz));
-    let t = select(near <= far, near, f32::MAX);
-    t
+    select(near <= far, near, f32::MAX)
 }
 
 /// Meets triangles that follow each other in the tree, and takes the nearest if it is nearer than that which is known;

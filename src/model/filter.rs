@@ -60,8 +60,7 @@ pub(crate) fn film_kernel(u: f32) -> f32 {
         y = (y - (value - root) / slope).clamp(0.0, 1.0);
         i += 1;
     }
-    let x = select(upper, 1.0 - y, y - 1.0);
-    x
+    select(upper, 1.0 - y, y - 1.0)
 }
 
 /// The filter of a pixel along one axis: a box of one pixel, smoothed by [`film_kernel`] of a radius in
@@ -184,8 +183,7 @@ pub(crate) fn filter_entries(list: &[f32], table: usize, place: f32) -> V2 {
 #[inline(always)]
 pub(crate) fn filter_between(entries: V2, place: f32, u: f32) -> f32 {
     let x = entries.x + (entries.y - entries.x) * (place - entry_before(place));
-    let x = select(u > 0.5, -x, x);
-    x
+    select(u > 0.5, -x, x)
 }
 
 /// The derivative of a point of the filter by the filter's radius r, at a fixed random number. The point is the sum of one

@@ -16,8 +16,7 @@ pub(crate) struct Frame {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn sign_of(z: f32) -> f32 {
-    let sign = select(z < 0.0, -1.0f32, 1.0f32);
-    sign
+    select(z < 0.0, -1.0f32, 1.0f32)
 }
 
 #[cfg_attr(feature = "wgpu", cube)]

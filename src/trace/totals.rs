@@ -54,8 +54,7 @@ pub(crate) struct Totals<'a> {
 /// 1 if a sum of two words, of which one is given, has wrapped.
 #[cube]
 pub(crate) fn carry(sum: u32, word: u32) -> u32 {
-    let carried = select(sum < word, 1u32, 0u32);
-    carried
+    select(sum < word, 1u32, 0u32)
 }
 
 #[cube]

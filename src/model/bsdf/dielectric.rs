@@ -254,8 +254,7 @@ impl Shading {
     /// The colour of what is reflected, or refracted.
     #[inline(always)]
     fn tint(&self, above: bool) -> V3 {
-        let tint = select_vector(above, splat(1.0), self.diffuse);
-        tint
+        select_vector(above, splat(1.0), self.diffuse)
     }
 
     /// Adds the derivatives of the factors; returns that by the outgoing direction.

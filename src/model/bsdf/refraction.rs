@@ -37,8 +37,7 @@ impl Shading {
     #[inline(always)]
     pub(super) fn eta(&self) -> f32 {
         let eta = self.ior();
-        let eta = select(self.inside, 1.0 / eta, eta);
-        eta
+        select(self.inside, 1.0 / eta, eta)
     }
 
     /// How far a refracted direction turns when its facet does, along the normal.
