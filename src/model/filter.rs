@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use super::frame::sin_cos_of_turns;
 use super::{V2, v2};
-#[cfg(feature = "wgpu")]
 use crate::cube::*;
 
 /// A point of the unit disk with density 3/π·(1 − r²)², the kernel of a ray's cone.

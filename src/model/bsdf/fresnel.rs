@@ -1,6 +1,5 @@
 //! The share of light that an interface reflects, by the cosine of the angle to its normal.
 
-#[cfg(feature = "wgpu")]
 use crate::cube::*;
 use crate::model::{V3, v3};
 

@@ -5,7 +5,6 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
 use super::{IMPOSSIBLE, LEAST, Lobe, Scatter, Shading, ShadingGradient};
-#[cfg(feature = "wgpu")]
 use crate::cube::*;
 use crate::model::frame::{
     arc_tangent_of, from_local, from_local_backward, sin_cos_of_turns, to_local,

@@ -4,7 +4,6 @@
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
 use super::{Shading, ShadingGradient};
-#[cfg(feature = "wgpu")]
 use crate::cube::*;
 use crate::model::{V3, splat, v3};
 use crate::scene::{self, Bsdf};

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::forward::{Forward, Traced, camera_tiles};
 use super::prepare::Places;
 use super::rows::Rows;
+#[cfg(feature = "wgpu")]
 use crate::device::stage;
 use crate::error::Result;
 use crate::geometry::{Context, host_values};
