@@ -1,6 +1,6 @@
 //! What should be known of a GPU, in ten minutes of its time: paths a second, training steps of batches and of large
-//! meshes with the times of their stages, and how far images and gradients are from the host's. It writes `gpu_hour.json`
-//! and `gpu_hour.md`.
+//! meshes with the times of their stages, and how far images and gradients are from the host's. It writes one JSON file
+//! and one page.
 //!
 //! ```sh
 //! cargo bench --features vulkan --bench gpu_hour -- --device vulkan
@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use step::Step;
 
 #[derive(Parser)]
-#[command(about = "Measures a GPU, and writes gpu_hour.json and gpu_hour.md")]
+#[command(about = "Measures a GPU, and writes a JSON file and a page")]
 struct Arguments {
     /// The device, such as `vulkan`, `wgpu` or `vulkan:cpu`.
     #[arg(long, default_value = "vulkan")]
@@ -32,7 +32,7 @@ struct Arguments {
     /// Small images and few samples, for a software driver.
     #[arg(long)]
     quick: bool,
-    /// Steps whose names contain this alone.
+    /// Only steps whose names contain this.
     #[arg(long)]
     only: Option<String>,
     /// Passed by cargo.
@@ -62,8 +62,8 @@ fn main() {
     ];
     for scenes in [16, 64] {
         for faces in [1_280, 20_480, 81_920] {
-            let last = arguments.quick && scenes * faces > 100_000;
-            if !last {
+            let skipped = arguments.quick && scenes * faces > 100_000;
+            if !skipped {
                 steps.push(Step::new("a batch", scenes, [faces, 0], (64, 1)));
             }
         }

@@ -18,8 +18,8 @@ pub fn line(row: &Value) -> String {
         text("samples"),
         number("first, s"),
         number("step, ms"),
-        number("host, ms"),
-        number("million paths a second"),
+        number("host of a timed step, ms"),
+        number("million paths of steps a second"),
         text("launches"),
         text("uploads"),
         1e-6 * number("bytes up"),
@@ -31,7 +31,7 @@ pub fn line(row: &Value) -> String {
 pub fn page(report: &Value) -> String {
     let mut page = format!(
         "# A GPU\n\nDevice `{}`: {}; {} s in all.\n\n| step | scenes | faces (move + stand) | image | first, s | step, ms \
-         | of it host, ms | M paths/s | launches | uploads | MB up | read-backs |\n|{}\n",
+         | host of a timed step, ms | M paths/s of steps | launches | uploads | MB up | read-backs |\n|{}\n",
         report["device"].as_str().unwrap_or("?"),
         report["adapter"].as_str().unwrap_or("no adapter is known"),
         report["seconds"],
@@ -41,7 +41,7 @@ pub fn page(report: &Value) -> String {
     for row in &steps {
         let _ = writeln!(page, "{}", line(row));
     }
-    page.push_str("\n## Stages of a step, ms\nThe host waits for each kernel here, so that all together takes longer.\n");
+    page.push_str("\n## Stages of a step, ms\nThe host waits before and after each kernel here, so that all together takes longer than a step.\n");
     for row in &steps {
         let _ = writeln!(
             page,

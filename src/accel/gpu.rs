@@ -1,18 +1,16 @@
 //! The tree as GPUs traverse it: nodes of two boxes.
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use rayon::prelude::*;
 
-use super::hierarchy::Hierarchy;
 use super::triangle::HostTriangle;
 use super::wide::ROUNDING;
 
 /// A tree of nodes with both children's boxes. A child is a node, or the bit 2³¹ and a leaf.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct GpuTree {
     pub root: u32,
     /// Corners of the first and of the second child's box.
@@ -34,53 +32,26 @@ pub(crate) const LEAF: u32 = 1 << 31;
 /// Numbers of a triangle as rays meet it.
 pub(crate) const HIT_STRIDE: u32 = 20;
 
-impl Hierarchy {
-    /// The tree as GPUs traverse it; without nodes where there are few triangles.
-    pub(crate) fn for_gpu(&self) -> Arc<GpuTree> {
-        let make = || {
-            let mut tree = match (&self.last_for_gpu, &self.built) {
-                (Some(last), _) => last.divided(),
-                (None, Some(built)) => GpuTree::of(built, &self.triangles),
-                (None, None) => GpuTree {
-                    triangles: (0..self.triangles.len() as u32).collect(),
-                    ..GpuTree::default()
-                },
-            };
-            tree.fit(&self.triangles);
-            Arc::new(tree)
-        };
-        self.for_gpu.get_or_init(make).clone()
-    }
-}
-
 impl GpuTree {
-    /// The nodes of a binary tree, whose boxes are not yet fitted.
-    fn of(built: &Bvh2, triangles: &[HostTriangle]) -> Self {
-        let mut tree = Self {
-            triangles: built.primitive_indices.clone(),
-            ..Self::default()
-        };
-        tree.root = tree.add(built, triangles, 0, 1);
+    /// Of triangles, with the nodes of a binary tree over them; without nodes where they are few.
+    pub(super) fn new(built: Option<&Bvh2>, triangles: &[HostTriangle]) -> Self {
+        let mut tree = Self::default();
+        match built {
+            Some(built) => {
+                tree.triangles = built.primitive_indices.clone();
+                tree.root = tree.add(built, triangles, 0, 1);
+            }
+            None => tree.triangles = (0..triangles.len() as u32).collect(),
+        }
+        tree.fit(triangles);
         tree
     }
 
-    /// The same nodes and leaves for triangles that have moved.
-    fn divided(&self) -> Self {
-        Self {
-            root: self.root,
-            boxes: vec![[0.0; 12]; self.boxes.len()],
-            children: self.children.clone(),
-            leaves: self.leaves.clone(),
-            triangles: self.triangles.clone(),
-            hits: Vec::new(),
-            depth: self.depth,
-        }
-    }
-
     /// Fits boxes to triangles, and says how rays meet these.
-    fn fit(&mut self, triangles: &[HostTriangle]) {
+    pub(super) fn fit(&mut self, triangles: &[HostTriangle]) {
         let met = |&k: &u32| triangles[k as usize].as_met();
-        self.hits = self.triangles.par_iter().map(met).collect();
+        let met = self.triangles.par_iter().map(met);
+        met.collect_into_vec(&mut self.hits);
         let of_leaf = |&[first, count]: &[u32; 2]| {
             let list = &self.triangles[first as usize..][..count as usize];
             let boxes = list.iter().map(|&k| triangles[k as usize].swept());

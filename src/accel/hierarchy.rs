@@ -26,12 +26,10 @@ pub(crate) struct Hierarchy {
     complete: bool,
     /// The binary tree that the nodes were gathered from, with boxes about the triangles of then.
     #[cfg(feature = "wgpu")]
-    pub(super) built: Option<Arc<obvhs::bvh2::Bvh2>>,
-    /// The tree for GPUs, once one was asked for it, and that of the triangles before, if boxes were fitted since.
+    built: Option<Arc<obvhs::bvh2::Bvh2>>,
+    /// The tree for GPUs, once it was needed.
     #[cfg(feature = "wgpu")]
-    pub(super) for_gpu: OnceLock<Arc<GpuTree>>,
-    #[cfg(feature = "wgpu")]
-    pub(super) last_for_gpu: Option<Arc<GpuTree>>,
+    for_gpu: OnceLock<Arc<GpuTree>>,
     /// Σ half areas of the boxes when they were built.
     cost: f64,
 }
@@ -57,8 +55,6 @@ impl Hierarchy {
             built: nodes.map(Arc::new),
             #[cfg(feature = "wgpu")]
             for_gpu: OnceLock::new(),
-            #[cfg(feature = "wgpu")]
-            last_for_gpu: None,
         }
     }
 
@@ -77,13 +73,26 @@ impl Hierarchy {
             if self.wide.cost() <= 1.5 * self.cost {
                 #[cfg(feature = "wgpu")]
                 if let Some(last) = self.for_gpu.take() {
-                    self.last_for_gpu = Some(last);
+                    let mut tree = Arc::unwrap_or_clone(last);
+                    tree.fit(&self.triangles);
+                    self.for_gpu = OnceLock::from(Arc::new(tree));
                 }
                 return true;
             }
         }
         *self = Self::new(std::mem::take(&mut self.triangles), spare);
         false
+    }
+
+    /// The tree as GPUs traverse it; without nodes where there are few triangles.
+    #[cfg(feature = "wgpu")]
+    pub(crate) fn for_gpu(&self) -> Arc<GpuTree> {
+        if let Some(tree) = self.for_gpu.get() {
+            return tree.clone();
+        }
+        // Made by several threads, so that none holds the lock meanwhile.
+        let tree = Arc::new(GpuTree::new(self.built.as_deref(), &self.triangles));
+        self.for_gpu.get_or_init(|| tree).clone()
     }
 
     /// Whether these are its triangles, all in it: corners, and displacement over the shutter.

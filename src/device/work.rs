@@ -98,7 +98,7 @@ pub(crate) fn count_read_back(device: &Device, numbers: usize) {
     }
 }
 
-/// A stage of renders: a kernel with the time until a device has run it, or what the host does before.
+/// A stage of a render or of its backward pass: a kernel, with the time until the device has run it, or work of the host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stage {
     /// The kernel's name, or what the host does.
@@ -117,9 +117,9 @@ fn stages() -> MutexGuard<'static, Option<Vec<Stage>>> {
     STAGES.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Measures how long each stage of renders takes while something is done, in the order in which they began; all threads
-/// of the process count. The host waits for each kernel, so all together takes longer than without. The time of a kernel
-/// that was not compiled before is mostly that of its compiler.
+/// Measures how long each stage of renders takes while something is done, in the order in which they first ended. All
+/// threads of the process count, so one such measurement is made at a time. The host waits before and after each kernel;
+/// so all together takes longer than without. The time of a kernel's first run is mostly that of its compiler.
 ///
 /// ```no_run
 /// # fn step() {}
@@ -127,48 +127,66 @@ fn stages() -> MutexGuard<'static, Option<Vec<Stage>>> {
 ///     println!("{} × {}: {:?}", stage.count, stage.name, stage.time);
 /// }
 /// ```
+///
+/// # Panics
+/// If another measurement is under way.
 pub fn stages_of<T>(work: impl FnOnce() -> T) -> (T, Vec<Stage>) {
-    *stages() = Some(Vec::new());
-    let done = work();
-    (done, stages().take().unwrap_or_default())
-}
-
-/// Adds the time of a stage while these are measured.
-pub(crate) fn stage<T>(name: &'static str, run: impl FnOnce() -> T) -> T {
-    timed(name, false, run)
-}
-
-/// Adds the time of a kernel while stages are measured: its launch, after which the host waits for the device.
-#[cfg(feature = "wgpu")]
-pub(crate) fn kernel(name: &'static str, launch: impl FnOnce(), wait: impl FnOnce()) {
-    timed(name, true, || {
-        launch();
-        if stages().is_some() {
-            wait();
+    /// Ends the measurement, if the work panics too.
+    struct End;
+    impl Drop for End {
+        fn drop(&mut self) {
+            stages().take();
         }
-    });
+    }
+    let begin = |all: &mut Option<Vec<Stage>>| {
+        assert!(all.is_none(), "one measurement of stages at a time");
+        *all = Some(Vec::new());
+    };
+    begin(&mut stages());
+    let end = End;
+    let done = work();
+    let measured = stages().take().unwrap_or_default();
+    drop(end);
+    (done, measured)
 }
 
-fn timed<T>(name: &'static str, on_device: bool, run: impl FnOnce() -> T) -> T {
+/// Runs a stage of the host, and adds its time while stages are measured.
+pub(crate) fn stage<T>(name: &'static str, run: impl FnOnce() -> T) -> T {
     if stages().is_none() {
         return run();
     }
     let start = Instant::now();
     let done = run();
-    let time = start.elapsed();
-    if let Some(all) = stages().as_mut() {
-        let place = all.iter().position(|stage| stage.name == name);
-        let place = place.unwrap_or_else(|| {
-            all.push(Stage {
-                name,
-                on_device,
-                count: 0,
-                time: Duration::ZERO,
-            });
-            all.len() - 1
-        });
-        all[place].count += 1;
-        all[place].time += time;
-    }
+    add(name, false, start.elapsed());
     done
+}
+
+/// Launches a kernel, and adds its time while stages are measured: then the host waits for the device before and after.
+#[cfg(feature = "wgpu")]
+pub(crate) fn kernel(name: &'static str, launch: impl FnOnce(), wait: impl Fn()) {
+    if stages().is_none() {
+        return launch();
+    }
+    wait();
+    let start = Instant::now();
+    launch();
+    wait();
+    add(name, true, start.elapsed());
+}
+
+fn add(name: &'static str, on_device: bool, time: Duration) {
+    let mut stages = stages();
+    let Some(all) = stages.as_mut() else { return };
+    match all.iter_mut().find(|stage| stage.name == name) {
+        Some(stage) => {
+            stage.count += 1;
+            stage.time += time;
+        }
+        None => all.push(Stage {
+            name,
+            on_device,
+            count: 1,
+            time,
+        }),
+    }
 }

@@ -2,16 +2,15 @@
 //! since the last one is sent in blocks.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::{self, ThreadId};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use burn::backend::StreamId;
 use burn::tensor::Device;
 use rayon::prelude::*;
 
 use crate::cube::*;
 
-use super::device::List;
-use super::job::launch;
+use super::device::{List, launch};
 
 /// Words of a block.
 const BLOCK: usize = 1024;
@@ -114,6 +113,8 @@ struct Sent {
     lists: Option<[List; 3]>,
     /// Whether they are those of this render, and not of the last.
     current: bool,
+    /// The streams of launches that read them.
+    streams: Vec<StreamId>,
 }
 
 impl Buffers {
@@ -127,7 +128,7 @@ impl Buffers {
             sent: Mutex::new(Sent {
                 // What was never sent is not on the device.
                 lists: sent.lists.filter(|_| sent.current),
-                current: false,
+                ..Sent::default()
             }),
         }
     }
@@ -140,12 +141,16 @@ impl Buffers {
     /// The lists on the device, which are sent there once: of those of the last render what has changed.
     pub fn on_device(&self, client: &Client) -> [List; 3] {
         let mut sent = self.sent.lock().unwrap_or_else(PoisonError::into_inner);
-        match &sent.lists {
-            Some(lists) if sent.current || self.patch(client, lists) => {}
-            _ => {
-                let lists = [&self.floats.words, &self.words.words].map(|w| u32::as_bytes(w));
-                sent.lists = Some(List::send(client, [lists[0], lists[1], &[0; 4]]));
-            }
+        let here = StreamId::current();
+        if !sent.streams.contains(&here) {
+            sent.streams.push(here);
+        }
+        let patched = |lists: &[List; 3]| self.patch(client, lists);
+        if !sent.current && !sent.lists.as_ref().is_some_and(patched) {
+            // Their memory serves the new ones.
+            sent.lists = None;
+            let lists = [&self.floats.words, &self.words.words].map(|w| u32::as_bytes(w));
+            sent.lists = Some(List::send(client, [lists[0], lists[1], &[0; 4]]));
         }
         sent.current = true;
         sent.lists.clone().expect("they were sent")
@@ -206,39 +211,34 @@ fn write_blocks(
     }
 }
 
-/// The buffers of the last render with a cache, by group of views; they serve again where no graph holds them, on the same
-/// device and for the same thread, whose launches are in order.
+/// The buffers of the last render with a cache, by group of views. They serve again on the same device, where no graph
+/// holds them and all launches that read them are in the stream of this thread: then what changes comes behind these.
 #[derive(Clone, Default)]
 pub(crate) struct LastBuffers(Arc<Mutex<Vec<Last>>>);
 
-struct Last {
-    device: Device,
-    thread: ThreadId,
-    buffers: Arc<Buffers>,
-}
+/// Those of a group, and the device that they are on.
+type Last = (Device, Arc<Buffers>);
 
 impl LastBuffers {
+    fn lock(&self) -> MutexGuard<'_, Vec<Last>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Takes those of all groups out.
     pub fn take(&self, device: &Device) -> impl Iterator<Item = Buffers> {
-        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let last = std::mem::take(&mut *last);
-        let here = thread::current().id();
-        last.into_iter().map(move |last| {
-            if last.device == *device && last.thread == here {
-                Arc::try_unwrap(last.buffers).unwrap_or_default()
-            } else {
-                Buffers::default()
-            }
+        let last = std::mem::take(&mut *self.lock()).into_iter();
+        last.map(move |(on, buffers)| {
+            let buffers = Arc::try_unwrap(buffers).unwrap_or_default();
+            let here = StreamId::current();
+            let sent = buffers.sent.lock().unwrap_or_else(PoisonError::into_inner);
+            let serves = on == *device && sent.streams.iter().all(|&stream| stream == here);
+            drop(sent);
+            if serves { buffers } else { Buffers::default() }
         })
     }
 
+    /// Keeps those of a render that has succeeded.
     pub fn keep(&self, device: &Device, buffers: impl Iterator<Item = Arc<Buffers>>) {
-        let thread = thread::current().id();
-        let last = buffers.map(|buffers| Last {
-            device: device.clone(),
-            thread,
-            buffers,
-        });
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = last.collect();
+        *self.lock() = buffers.map(|buffers| (device.clone(), buffers)).collect();
     }
 }

@@ -7,9 +7,9 @@ use burn::tensor::{DType, Device, Int, Tensor};
 
 use crate::cube::*;
 
-use super::device::{floats, int_zeros};
+use super::device::{floats, int_zeros, launch};
 use super::hit::Memory;
-use super::job::{Job, PATHS, Paths, launch};
+use super::job::{Job, PATHS, Paths};
 use super::path::light_of_pixel;
 use crate::device::count_read_back;
 use crate::error::{Error, Result};

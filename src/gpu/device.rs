@@ -59,6 +59,40 @@ impl List {
     }
 }
 
+/// Threads of a workgroup.
+pub(super) const GROUP: u32 = 64;
+
+/// Workgroups for so many threads, and the size of each.
+pub(super) fn groups(threads: usize) -> (CubeCount, CubeDim) {
+    /// Along one axis.
+    const MOST: u32 = 65_535;
+    let groups = (threads as u32).div_ceil(GROUP).max(1);
+    let count = CubeCount::Static(groups.min(MOST), groups.div_ceil(MOST), 1);
+    (count, CubeDim::new_1d(GROUP))
+}
+
+/// Launches a kernel with a number of threads at least; it takes lists on the device as they are.
+macro_rules! launch {
+    ($client:expr, $threads:expr, $kernel:ident($($argument:expr),* $(,)?)) => {{
+        #[allow(unused_imports)]
+        use $crate::gpu::device::Argument;
+        $crate::device::count_launch();
+        let (groups, group) = $crate::gpu::device::groups($threads);
+        $crate::device::kernel(
+            stringify!($kernel),
+            || $kernel::launch($client, groups, group, $($argument.argument()),*),
+            || $crate::gpu::device::wait($client),
+        )
+    }};
+}
+pub(super) use launch;
+
+/// Waits until a device has run all that was launched.
+pub(super) fn wait(client: &Client) {
+    // What fails is reported where buffers are asked for.
+    let _ = burn::cubecl::future::block_on(client.sync());
+}
+
 /// What a kernel takes: it has the method's name in common with lists, whose own comes first.
 pub(super) trait Argument: Sized {
     fn argument(self) -> Self {

@@ -6,9 +6,9 @@ use burn::tensor::{DType, Device, Shape, Tensor};
 
 use crate::cube::*;
 
-use super::device::{List, floats, without_backtrace, zeros};
+use super::device::{List, floats, launch, without_backtrace, zeros};
 use super::hit::Memory;
-use super::job::{Job, Outputs, PATHS, Paths, Piece, launch};
+use super::job::{Job, Outputs, PATHS, Paths, Piece};
 use super::path::light_of_pixel;
 use super::walk::PathLight;
 use crate::device::label;

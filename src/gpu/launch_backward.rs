@@ -6,10 +6,10 @@ use burn::backend::tensor::FloatTensor;
 use burn::cubecl::prelude::*;
 use burn::tensor::{Device, Shape};
 
-use super::device::{List, floats, has_room, rows_of, without_backtrace, zeros};
+use super::device::{List, floats, has_room, launch, rows_of, without_backtrace, zeros};
 use super::film::{FilmSamplesLaunch, Films, OF_PIECE, WHOLE, film_jumps};
 use super::gradient::{Table, ViewPlaces, write_gradient};
-use super::job::{Job, PATHS, Piece, launch};
+use super::job::{Job, PATHS, Piece};
 use super::loss::LossLaunch;
 use super::passes::{add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};

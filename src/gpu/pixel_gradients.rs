@@ -3,12 +3,12 @@
 
 use crate::cube::*;
 
-use super::device::List;
+use super::device::{List, launch};
 use super::film::{
     BLOCKS, FIRST_PIECE, MOST, OF_FILM, OF_PIECE, OWN, PAST_PIECE, RADIUS, TOTAL, blocks_before,
     view_of,
 };
-use super::job::{Views, launch};
+use super::job::Views;
 use super::launch_backward::Pass;
 use super::loss::Loss;
 use super::sums::TYPICAL;

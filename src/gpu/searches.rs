@@ -3,7 +3,8 @@
 
 use crate::cube::*;
 
-use super::job::{GROUP, Paths};
+use super::device::GROUP;
+use super::job::Paths;
 use super::jumps::Searches;
 use super::loss::Loss;
 use super::records::Room;
@@ -230,8 +231,7 @@ pub(super) fn add_before(list: &mut [u32], first: u32, count: u32) {
 mod tests {
     use burn::backend::DispatchDevice;
 
-    use super::super::device::List;
-    use super::super::job::launch;
+    use super::super::device::{List, launch};
     use super::*;
 
     /// The points at all places of an order.

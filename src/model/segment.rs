@@ -40,7 +40,8 @@ pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Part {
     let q = e.dot(axis);
     // Before the plane across the axis through the apex.
     let mut from = select(q > 0.0, (-p / q).max(0.0), 0.0);
-    let mut to = select(q == 0.0 && p <= 0.0, -1.0f32, 1.0f32);
+    let level = select(p <= 0.0, -1.0f32, 1.0f32);
+    let mut to = select(q > 0.0, 1.0f32, level);
     to = select(q < 0.0, (-p / q).min(1.0), to);
     if cos > 0.0 {
         let square = cos * cos;

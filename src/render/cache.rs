@@ -9,8 +9,11 @@ use crate::scene::Constants;
 
 /// What is kept from render to render, as in the steps of a fit: boxes over triangles, which edges meshes have, and how
 /// these are divided, for each scene of a batch by its number. Boxes are fitted to triangles that moved, and built anew
-/// when they have grown by half, or there are other triangles. Of GPUs the numbers of tensors that are not in a graph are
-/// kept, so that each is read back once, and the lists of scenes, of which the next render sends what has changed.
+/// when they have grown by half, or there are other triangles.
+///
+/// Of GPUs the numbers of tensors that are not in a graph are kept, so that each is read back once, and the lists of scenes,
+/// on the device and on the host: the next render sends what has changed. They are freed with the cache. All is sent again
+/// while a graph needs the last lists, after a render that failed, on another device and from another thread.
 #[derive(Clone, Default)]
 pub struct HierarchyCache {
     scenes: Arc<Mutex<Vec<LastScene>>>,

@@ -126,7 +126,9 @@ fn scenes_stay_on_the_device() {
     let camera = Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
     let options = RenderOptions::new(12, 12).samples(2).bounces(1);
     let kept = options.clone().cache(&HierarchyCache::default());
-    // The sum of an image with a colour and a size of the body, and both in its graph.
+    let beside = shapes::icosphere(4, &device).scaled([0.5; 3]);
+    let beside = beside.translated([1.2, 0.0, 0.0]);
+    // The sum of an image with a colour and a size of a body beside a larger one, and both in its graph.
     let render = |colour: f32, size: f32, options: &RenderOptions| {
         let colour = leaf(&[colour, 0.5, 0.6], &device);
         let size = leaf(&[size], &device);
@@ -134,7 +136,8 @@ fn scenes_stay_on_the_device() {
         let scene = Scene::new()
             .with(diffuse(floor(2.0, -0.6, &device), [0.5, 0.4, 0.3]))
             .with(lamp(0.5, 2.0, [5.0, 4.0, 3.0], &device))
-            .with(Object::new(body).material(Material::diffuse(colour.clone())));
+            .with(Object::new(body).material(Material::diffuse(colour.clone())))
+            .with(diffuse(beside.clone(), [0.6, 0.5, 0.3]));
         let before = work();
         let image = render(&scene, &camera, options).expect("an image");
         let sent = (work() - before).uploaded_bytes;
@@ -154,8 +157,14 @@ fn scenes_stay_on_the_device() {
         assert_eq!(numbers(&step), numbers(&render(colour, size, &options)));
     }
     println!("bytes sent: {sent:?}");
-    // A colour, the body, nothing, all.
-    assert!(sent[1] * 20 < sent[0] && sent[2] > sent[1] && sent[3] == 0);
+    // A colour, the body, nothing, both.
+    assert!(sent[1] * 20 < sent[0] && sent[3] == 0);
+    assert!(sent[2] > sent[1] && sent[2] * 3 < sent[0] && sent[4] * 3 < sent[0]);
+    // From another thread all is sent again.
+    let elsewhere = std::thread::scope(|s| s.spawn(|| render(0.2, 0.5, &kept)).join());
+    let elsewhere = elsewhere.expect("a thread");
+    assert_eq!(elsewhere.2, sent[0]);
+    assert_eq!(numbers(&elsewhere), numbers(&render(0.2, 0.5, &options)));
     let first = render(0.3, 0.5, &kept);
     let second = render(0.9, 0.6, &kept);
     for (step, (colour, size)) in [(&second, (0.9, 0.6)), (&first, (0.3, 0.5))] {

@@ -10,8 +10,8 @@ use crate::device::device;
 use burn::tensor::Tensor;
 use softray::prelude::*;
 
-/// The variable that names the file in which CubeCL logs what it compiles.
-const LOG: &str = "CUBECL_DEBUG_LOG";
+/// The variable that names the file in which CubeCL logs what it compiles, for a process of this test's own.
+const LOG: &str = "SOFTRAY_LOG_OF_KERNELS";
 
 /// Kernels of this crate that were compiled so far, by the log.
 fn compiled(log: &Path) -> usize {
@@ -26,7 +26,10 @@ fn a_fit_compiles_its_kernels_in_its_first_steps() {
     let Some(log) = std::env::var_os(LOG) else {
         let folder = Folder::new("compiled");
         let mut own = again(a_fit_compiles_its_kernels_in_its_first_steps);
-        let output = own.env(LOG, folder.path("log")).output();
+        let output = own
+            .env(LOG, folder.path("log"))
+            .env("CUBECL_DEBUG_LOG", folder.path("log"))
+            .output();
         let output = output.expect("a process");
         let said = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
         println!("{}{}", said[0], said[1]);

@@ -85,6 +85,12 @@ impl Pass<'_> {
                 self.rows(&all, &share, Some((&done, tiles * self.views.len())))?
             }
         };
+        // A render that failed may have left anything on the device.
+        #[cfg(feature = "wgpu")]
+        if let Some(cache) = &self.options.cache {
+            let buffers = all.packed.iter().map(|(_, packed)| packed.buffers.clone());
+            cache.buffers.keep(&self.context.device, buffers);
+        }
         Ok((images, jobs))
     }
 
@@ -228,10 +234,6 @@ impl Pass<'_> {
             let device = &self.context.device;
             let last = cache.map(|cache| cache.buffers.take(device));
             packed = stage("pack", || pack(&of, last.into_iter().flatten()));
-            if let Some(cache) = cache {
-                let buffers = packed.iter().map(|(_, packed)| packed.buffers.clone());
-                cache.buffers.keep(device, buffers);
-            }
         }
         let packed = packed
             .into_iter()
