@@ -156,6 +156,17 @@ impl Buffers {
         sent.lists.clone().expect("they were sent")
     }
 
+    /// The streams of launches that read the lists.
+    fn streams(&self) -> Vec<StreamId> {
+        let sent = self.sent.lock().unwrap_or_else(PoisonError::into_inner);
+        sent.streams.clone()
+    }
+
+    /// Forgets what is on the device, after a launch that failed may have left anything there.
+    pub fn forget(&self) {
+        *self.sent.lock().unwrap_or_else(PoisonError::into_inner) = Sent::default();
+    }
+
     /// Sends what has changed since the last render, unless that is most of it; and says whether it did.
     fn patch(&self, client: &Client, [floats, words, _]: &[List; 3]) -> bool {
         let both = [&self.floats, &self.words];
@@ -230,9 +241,8 @@ impl LastBuffers {
         last.map(move |(on, buffers)| {
             let buffers = Arc::try_unwrap(buffers).unwrap_or_default();
             let here = StreamId::current();
-            let sent = buffers.sent.lock().unwrap_or_else(PoisonError::into_inner);
-            let serves = on == *device && sent.streams.iter().all(|&stream| stream == here);
-            drop(sent);
+            let streams = buffers.streams();
+            let serves = on == *device && streams.iter().all(|&stream| stream == here);
             if serves { buffers } else { Buffers::default() }
         })
     }

@@ -53,6 +53,7 @@ pub(crate) struct Job {
 
 /// Paths of a launch at most, so that no launch is long.
 pub(super) const PATHS: usize = 1 << 20;
+
 /// The part of a job that a launch serves: samples of pixels, which are counted over all views.
 #[apply(argument!)]
 pub(super) struct Piece {

@@ -36,7 +36,10 @@ pub(crate) fn gradient_of(
     views: &[ViewPlaces],
     numbers: usize,
 ) -> FloatTensor<Cube> {
-    let fail = |why: String| -> ! { panic!("device {}: {why}", label(device)) };
+    let fail = |why: String| -> ! {
+        jobs.iter().for_each(|(_, job)| job.views.buffers.forget());
+        panic!("device {}: {why}", label(device))
+    };
     let (gradient, list) = zeros(upstream, Shape::from([numbers]));
     for (group, job) in jobs {
         let views: Vec<ViewPlaces> = group.iter().map(|&view| views[view]).collect();

@@ -165,6 +165,20 @@ fn scenes_stay_on_the_device() {
     let elsewhere = elsewhere.expect("a thread");
     assert_eq!(elsewhere.2, sent[0]);
     assert_eq!(numbers(&elsewhere), numbers(&render(0.2, 0.5, &options)));
+    // So it is here after a backward pass there, but not after one here.
+    let again = render(0.2, 0.5, &kept);
+    let there = std::thread::scope(|s| s.spawn(|| numbers(&again)).join());
+    assert_eq!(
+        there.expect("a thread"),
+        numbers(&render(0.2, 0.5, &options))
+    );
+    drop(again);
+    let after = [0.2, 0.3].map(|colour| {
+        let step = render(colour, 0.5, &kept);
+        numbers(&step);
+        step.2
+    });
+    assert!(after[0] == sent[0] && after[1] * 20 < sent[0], "{after:?}");
     let first = render(0.3, 0.5, &kept);
     let second = render(0.9, 0.6, &kept);
     for (step, (colour, size)) in [(&second, (0.9, 0.6)), (&first, (0.3, 0.5))] {

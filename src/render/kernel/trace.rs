@@ -87,7 +87,9 @@ impl Pass<'_> {
         };
         // A render that failed may have left anything on the device.
         #[cfg(feature = "wgpu")]
-        if let Some(cache) = &self.options.cache {
+        if self.on_gpu()
+            && let Some(cache) = &self.options.cache
+        {
             let buffers = all.packed.iter().map(|(_, packed)| packed.buffers.clone());
             cache.buffers.keep(&self.context.device, buffers);
         }
