@@ -7,7 +7,6 @@ use obvhs::bvh2::Bvh2;
 use rayon::prelude::*;
 
 use super::triangle::HostTriangle;
-use super::wide::ROUNDING;
 
 /// A tree of nodes with both children's boxes. A child is a node, or the bit 2³¹ and a leaf.
 #[derive(Clone, Default)]
@@ -18,9 +17,8 @@ pub(crate) struct GpuTree {
     pub children: Vec<[u32; 2]>,
     /// First and number of triangles of each leaf.
     pub leaves: Vec<[u32; 2]>,
-    /// Numbers of triangles, leaf by leaf, and how rays meet them.
+    /// Numbers of triangles, leaf by leaf.
     pub triangles: Vec<u32>,
-    pub hits: Vec<[f32; HIT_STRIDE as usize]>,
     /// Nodes that a traversal has to remember at most.
     pub depth: usize,
 }
@@ -47,11 +45,8 @@ impl GpuTree {
         tree
     }
 
-    /// Fits boxes to triangles, and says how rays meet these.
+    /// Fits boxes to triangles.
     pub(super) fn fit(&mut self, triangles: &[HostTriangle]) {
-        let met = |&k: &u32| triangles[k as usize].as_met();
-        let met = self.triangles.par_iter().map(met);
-        met.collect_into_vec(&mut self.hits);
         let of_leaf = |&[first, count]: &[u32; 2]| {
             let list = &self.triangles[first as usize..][..count as usize];
             let boxes = list.iter().map(|&k| triangles[k as usize].swept());
@@ -118,27 +113,4 @@ impl GpuTree {
 fn numbers(aabb: Aabb) -> [f32; 6] {
     let corners = [aabb.min.to_array(), aabb.max.to_array()];
     std::array::from_fn(|i| corners.as_flattened()[i])
-}
-
-impl HostTriangle {
-    /// Normal and plane, the lines of the borders as distances that are positive inside, the rounding of
-    /// these, and the displacement over the shutter; zeros for a triangle that is never hit.
-    fn as_met(&self) -> [f32; HIT_STRIDE as usize] {
-        let mut numbers = [0.0; HIT_STRIDE as usize];
-        if self.valid {
-            let plane = self.normal.dot(self.corners[0]);
-            let all = std::iter::once((self.normal, plane)).chain(self.lines_in_space());
-            let mut slack = 0.0f32;
-            for (i, (across, offset)) in all.enumerate() {
-                numbers[4 * i..4 * i + 3].copy_from_slice(&across.as_vec3().to_array());
-                numbers[4 * i + 3] = offset as f32;
-                if i > 0 {
-                    slack = slack.max(ROUNDING * offset.abs() as f32);
-                }
-            }
-            numbers[16] = slack;
-            numbers[17..].copy_from_slice(&self.velocity.as_vec3().to_array());
-        }
-        numbers
-    }
 }

@@ -26,3 +26,5 @@ pub(crate) use overlaps::Overlaps;
 pub(crate) use rays::{Hit, HitRay, NOTHING};
 pub(crate) use simd::{LANES, Machine, Task, dispatch, stage};
 pub(crate) use triangle::HostTriangle;
+#[cfg(feature = "wgpu")]
+pub(crate) use wide::ROUNDING;

@@ -125,7 +125,7 @@ pub(super) struct Leaf {
 }
 
 /// Triangles are grown by this share of the largest coordinate near the ray.
-pub(super) const ROUNDING: f32 = 4e-7;
+pub(crate) const ROUNDING: f32 = 4e-7;
 
 impl Leaf {
     pub fn new(triangles: &[HostTriangle], list: &[u32]) -> Self {

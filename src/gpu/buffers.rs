@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use crate::cube::*;
 
 use super::device::{List, launch};
+use super::made::make_lists;
 
 /// Words of a block.
 const BLOCK: usize = 1024;
@@ -18,8 +19,8 @@ const BLOCK: usize = 1024;
 /// Lists of numbers of 32 bits, one behind the other, each once.
 #[derive(Default)]
 pub(super) struct Plan<'a> {
-    lists: Vec<&'a [u32]>,
-    starts: Vec<usize>,
+    /// Where each list begins, the list, and whether lists that the device makes depend on it.
+    lists: Vec<(usize, &'a [u32], bool)>,
     length: usize,
     /// Where lists begin, by their addresses.
     known: HashMap<(*const u32, usize), u32>,
@@ -27,17 +28,24 @@ pub(super) struct Plan<'a> {
 
 impl<'a> Plan<'a> {
     /// Where a list begins, after it was added if it was not there.
-    pub fn place<T: CubeElement>(&mut self, list: &'a [T]) -> u32 {
+    pub fn place<T: CubeElement>(&mut self, list: &'a [T], shapes: bool) -> u32 {
         let list: &[u32] = u32::from_bytes(T::as_bytes(list));
-        *self
-            .known
-            .entry((list.as_ptr(), list.len()))
-            .or_insert_with(|| {
-                self.lists.push(list);
-                self.starts.push(self.length);
-                self.length += list.len();
-                (self.length - list.len()) as u32
-            })
+        let key = (list.as_ptr(), list.len());
+        if let Some(&start) = self.known.get(&key) {
+            return start;
+        }
+        let start = self.length;
+        self.lists.push((start, list, shapes));
+        self.length += list.len();
+        self.known.insert(key, start as u32);
+        start as u32
+    }
+
+    /// Room for so many words, in blocks of their own: what the device writes there is never sent.
+    pub fn room(&mut self, words: usize) -> u32 {
+        let start = self.length.next_multiple_of(BLOCK);
+        self.length = (start + words).next_multiple_of(BLOCK);
+        start as u32
     }
 
     /// Room for so many words ahead of all lists.
@@ -50,8 +58,7 @@ impl<'a> Plan<'a> {
 
     /// All lists in a buffer, behind those of `head`, and the blocks in which it differs from the last render's.
     pub fn fill(mut self, head: &'a [u32], last: Buffer) -> Buffer {
-        self.lists.insert(0, head);
-        self.starts.insert(0, 0);
+        self.lists.insert(0, (0, head, false));
         let alike = last.words.len() == self.length;
         let mut words = last.words;
         if !alike {
@@ -59,27 +66,38 @@ impl<'a> Plan<'a> {
         }
         let fill = |(block, part): (usize, &mut [u32])| {
             let first = block * BLOCK;
-            let mut changed = false;
-            let mut k = self.starts.partition_point(|&start| start <= first) - 1;
-            let mut at = 0;
-            while at < part.len() {
-                let list = &self.lists[k][first + at - self.starts[k]..];
-                let list = &list[..list.len().min(part.len() - at)];
-                let part = &mut part[at..at + list.len()];
-                if part != list {
-                    part.copy_from_slice(list);
-                    changed = true;
+            let past = first + part.len();
+            let (mut changed, mut shapes) = (false, false);
+            let ends_behind =
+                |&(start, list, _): &(usize, &[u32], bool)| start + list.len() <= first;
+            let from = self.lists.partition_point(ends_behind);
+            for &(start, list, is) in &self.lists[from..] {
+                if start >= past {
+                    break;
                 }
-                at += list.len();
-                k += 1;
+                let (low, high) = (first.max(start), past.min(start + list.len()));
+                if low >= high {
+                    continue;
+                }
+                let (own, part) = (
+                    &list[low - start..high - start],
+                    &mut part[low - first..high - first],
+                );
+                if !alike || part != own {
+                    part.copy_from_slice(own);
+                    changed = true;
+                    shapes |= is;
+                }
             }
-            changed.then_some(block as u32)
+            changed.then_some((block as u32, shapes))
         };
         let changed = words.par_chunks_mut(BLOCK).enumerate().filter_map(fill);
-        let changed: Vec<u32> = changed.collect();
+        let changed: Vec<(u32, bool)> = changed.collect();
         Buffer {
+            alike,
+            shapes: changed.iter().any(|c| c.1),
+            changed: changed.into_iter().map(|c| c.0).collect(),
             words,
-            changed: alike.then_some(changed),
         }
     }
 }
@@ -88,8 +106,11 @@ impl<'a> Plan<'a> {
 #[derive(Default)]
 pub(crate) struct Buffer {
     pub words: Vec<u32>,
-    /// The blocks in which they differ from those of the last render; None if all may.
-    changed: Option<Vec<u32>>,
+    /// Whether it is as long as that of the last render, and the blocks in which it differs from that, or all.
+    alike: bool,
+    changed: Vec<u32>,
+    /// Whether what the device makes differs too.
+    shapes: bool,
 }
 
 impl Buffer {
@@ -99,11 +120,22 @@ impl Buffer {
     }
 }
 
+/// What the device makes: where the table of scenes is among the words, how many these are, and how many threads make their
+/// lists.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Made {
+    pub table: u32,
+    pub scenes: u32,
+    pub threads: u32,
+    pub moves: bool,
+}
+
 /// Two buffers, of floats and of words, on the host and on a device.
 #[derive(Default)]
 pub(crate) struct Buffers {
     pub floats: Buffer,
     pub words: Buffer,
+    made: Made,
     sent: Mutex<Sent>,
 }
 
@@ -119,15 +151,29 @@ struct Sent {
 
 impl Buffers {
     /// Buffers of lists, behind `head` in that of words, where those of the last render were.
-    pub(super) fn new<'a>(floats: Plan<'a>, words: Plan<'a>, head: &'a [u32], last: Self) -> Self {
+    pub(super) fn new<'a>(
+        floats: Plan<'a>,
+        words: Plan<'a>,
+        head: &'a [u32],
+        made: Made,
+        last: Self,
+    ) -> Self {
         let sent = last.sent.into_inner();
         let sent = sent.unwrap_or_else(PoisonError::into_inner);
+        // What was never sent is not on the device, and what is not as long has no room there.
+        let serves = sent.current
+            && floats.length == last.floats.words.len()
+            && words.length == last.words.words.len();
+        let [of_floats, of_words] = match serves {
+            true => [last.floats, last.words],
+            false => Default::default(),
+        };
         Self {
-            floats: floats.fill(&[], last.floats),
-            words: words.fill(head, last.words),
+            floats: floats.fill(&[], of_floats),
+            words: words.fill(head, of_words),
+            made,
             sent: Mutex::new(Sent {
-                // What was never sent is not on the device.
-                lists: sent.lists.filter(|_| sent.current),
+                lists: sent.lists.filter(|_| serves),
                 ..Sent::default()
             }),
         }
@@ -145,15 +191,16 @@ impl Buffers {
         if !sent.streams.contains(&here) {
             sent.streams.push(here);
         }
-        let patched = |lists: &[List; 3]| self.patch(client, lists);
-        if !sent.current && !sent.lists.as_ref().is_some_and(patched) {
-            // Their memory serves the new ones.
-            sent.lists = None;
-            let lists = [&self.floats.words, &self.words.words].map(|w| u32::as_bytes(w));
-            sent.lists = Some(List::send(client, [lists[0], lists[1], &[0; 4]]));
+        let lists = sent.lists.get_or_insert_with(|| {
+            let lengths = [self.floats.words.len(), self.words.words.len(), 1];
+            lengths.map(|length| List::room(client, length.max(1)))
+        });
+        let lists = lists.clone();
+        if !sent.current {
+            self.write(client, &lists);
+            sent.current = true;
         }
-        sent.current = true;
-        sent.lists.clone().expect("they were sent")
+        lists
     }
 
     /// The streams of launches that read the lists.
@@ -167,36 +214,44 @@ impl Buffers {
         *self.sent.lock().unwrap_or_else(PoisonError::into_inner) = Sent::default();
     }
 
-    /// Sends what has changed since the last render, unless that is most of it; and says whether it did.
-    fn patch(&self, client: &Client, [floats, words, _]: &[List; 3]) -> bool {
+    /// Sends what has changed since the last render, and makes what follows from it.
+    fn write(&self, client: &Client, [floats, words, _]: &[List; 3]) {
         let both = [&self.floats, &self.words];
-        let [Some(of_floats), Some(of_words)] = both.map(|b| b.changed.as_deref()) else {
-            return false;
-        };
-        let count = of_floats.len() + of_words.len();
-        if 4 * count * BLOCK > 3 * (floats.length + words.length) {
-            return false;
+        let numbers = both.map(|b| &b.changed[..]).concat();
+        if numbers.is_empty() {
+            return;
         }
-        if count > 0 {
-            let numbers = [of_floats, of_words].concat();
-            let mut data = Vec::with_capacity(count * BLOCK);
-            for (buffer, blocks) in both.into_iter().zip([of_floats, of_words]) {
-                for &k in blocks {
-                    let past = data.len() + BLOCK;
-                    data.extend(buffer.block(k));
-                    data.resize(past, 0);
-                }
+        let mut data = Vec::with_capacity(numbers.len() * BLOCK);
+        for buffer in both {
+            for &k in &buffer.changed {
+                let past = data.len() + BLOCK;
+                data.extend(buffer.block(k));
+                data.resize(past, 0);
             }
-            let lists = [&numbers, &data].map(|w| u32::as_bytes(w));
-            let [numbers, data] = List::send(client, lists);
-            let of_floats = of_floats.len() as u32;
+        }
+        let lists = [&numbers, &data].map(|w| u32::as_bytes(w));
+        let [numbers, data] = List::send(client, lists);
+        let of_floats = self.floats.changed.len() as u32;
+        launch!(
+            client,
+            data.length,
+            write_blocks(floats, words, &numbers, &data, of_floats)
+        );
+        let made = self.made;
+        if made.threads > 0 && both.iter().any(|b| b.shapes || !b.alike) {
             launch!(
                 client,
-                count * BLOCK,
-                write_blocks(floats, words, &numbers, &data, of_floats)
+                made.threads as usize,
+                make_lists(
+                    floats,
+                    words,
+                    made.table,
+                    made.scenes,
+                    made.threads,
+                    made.moves
+                )
             );
         }
-        true
     }
 }
 

@@ -3,7 +3,7 @@
 
 use crate::cube::*;
 
-use crate::accel::{HIT_STRIDE, Hit, LEAF};
+use crate::accel::{HIT_STRIDE, Hit, LEAF, ROUNDING};
 use crate::model::lists::vector;
 use crate::model::{V3, v3};
 use crate::trace::{Faces, NONE, Scene};
@@ -49,9 +49,6 @@ struct Cast {
     /// Whether any hit will do.
     any: bool,
 }
-
-/// Triangles are grown by this share of the largest coordinate near the ray.
-const ROUNDING: f32 = 4e-7;
 
 /// The distance at which a ray hits a triangle, a limit if it does not.
 #[cube]

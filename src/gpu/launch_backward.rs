@@ -15,7 +15,7 @@ use super::passes::{add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};
 use super::searches::{add_before, count_searches, in_order, places_of_order, words_of_order};
 use super::sums::{
-    AddingLaunch, MORE, TYPICAL, add_replicas, bits_of_each, choose_scales, clear, words_of_sums,
+    AddingLaunch, MORE, TYPICAL, add_replicas, bits_of_each, choose_scales, words_of_sums,
 };
 use crate::device::{self, label, stage};
 use crate::trace::{BOUNCES, FIRST_SUM, Features, MEASURE, PARTS};
@@ -149,7 +149,6 @@ impl<'a> Pass<'a> {
             return;
         }
         self.measure();
-        launch!(&self.client, self.sums.length, clear(&self.sums));
         let samples = self.films.samples as usize;
         let mut pieces = self.job.pieces(self.at_once).into_iter().peekable();
         while let Some(piece) = pieces.next() {
@@ -202,8 +201,8 @@ impl<'a> Pass<'a> {
         }
         launch!(
             &self.client,
-            PARTS,
-            choose_scales(&self.sizes, &self.scales, self.bits - MORE)
+            self.sums.length.max(PARTS),
+            choose_scales(&self.sizes, &self.scales, self.bits - MORE, &self.sums)
         );
     }
 

@@ -30,6 +30,7 @@ mod jumps;
 mod launch;
 mod launch_backward;
 mod loss;
+mod made;
 mod packed;
 mod passes;
 mod path;

@@ -6,11 +6,12 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::buffers::{Buffers, Plan};
+use super::buffers::{Buffers, Made, Plan};
 use super::sums::Places;
-use crate::accel::GpuTree;
-use crate::kernel::View;
-use crate::trace::{Derivatives, Features, HEADER, Scene};
+use crate::accel::{GpuTree, HIT_STRIDE};
+use crate::kernel::{LEAF, View};
+use crate::model::triangle::NUMBERS;
+use crate::trace::{Derivatives, Features, HEADER, HeaderWord, Scene};
 
 /// Words of a tree over edges ([`Scene::edge_trees`]): where its lists begin, its root, and the number of its edges.
 pub(super) const OF_TREE: u32 = 6;
@@ -18,7 +19,7 @@ pub(super) const OF_TREE: u32 = 6;
 /// Views of a group at most.
 const VIEWS: usize = 64;
 /// Numbers of a group's scenes, about, where it has several.
-const NUMBERS: usize = 1 << 24;
+const OF_GROUP: usize = 1 << 24;
 
 /// Views that kernels trace together, as buffers.
 pub(crate) struct Packed {
@@ -71,7 +72,7 @@ pub(crate) fn pack(
                 if !list[..past].iter().any(|&w| of_view[w] == of_view[v]) {
                     numbers += scene(v).numbers(views[v]);
                 }
-                if past > 0 && numbers > NUMBERS {
+                if past > 0 && numbers > OF_GROUP {
                     break;
                 }
                 past += 1;
@@ -122,16 +123,46 @@ impl Packed {
         let scenes: Vec<Scene> = scenes.collect();
         for (scene, header) in scenes.iter().zip(&mut headers) {
             for (place, list) in scene.float_lists() {
-                header[place as usize] = floats.place(list);
+                header[place as usize] = floats.place(list, place.shapes());
             }
             for (place, list) in scene.word_lists() {
-                header[place as usize] = words.place(list);
+                header[place as usize] = words.place(list, place.shapes());
             }
             for (place, number) in scene.numbers() {
                 header[place as usize] = number;
             }
         }
-        let buffers = Buffers::new(floats, words, headers.as_flattened(), last);
+        let mut made = Made {
+            moves: features.moves,
+            ..Made::default()
+        };
+        let mut table = Vec::new();
+        let mut known = HashMap::new();
+        for (v, &(_, number, of_scene)) in views.iter().enumerate() {
+            let rooms = *known.entry(number).or_insert_with(|| {
+                let [faces, hits, edges, _, lanes] = of_scene.made;
+                table.extend([made.threads, v as u32]);
+                table.extend(of_scene.made);
+                made.scenes += 1;
+                made.threads += faces + hits + edges + lanes;
+                let each = [NUMBERS as u32, HIT_STRIDE, 6, LEAF as u32];
+                let counts = [faces, hits, edges, lanes].into_iter().zip(each);
+                let rooms = counts.map(|(count, each)| floats.room((count * each) as usize));
+                rooms.collect::<Vec<u32>>().try_into().expect("four lists")
+            });
+            let lists: [HeaderWord; 4] = [
+                HeaderWord::surfaces,
+                HeaderWord::hits,
+                HeaderWord::edges,
+                HeaderWord::edge_leaves,
+            ];
+            let rooms: [u32; 4] = rooms;
+            for (list, room) in lists.into_iter().zip(rooms) {
+                headers[v][list as usize] = room;
+            }
+        }
+        made.table = words.place(&table, true);
+        let buffers = Buffers::new(floats, words, headers.as_flattened(), made, last);
         Self {
             buffers: Arc::new(buffers),
             views: views.len(),
@@ -163,9 +194,13 @@ pub(super) struct OfScene {
     vertex_corners: Vec<u32>,
     edge_nodes: Vec<f32>,
     edge_children: Vec<u32>,
-    edge_leaves: Vec<f32>,
     edges_of_leaves: Vec<u32>,
     edge_trees: Vec<[u32; OF_TREE as usize]>,
+    edge_kinds: Vec<u32>,
+    creases: Vec<f32>,
+    vertices: Vec<[f32; 6]>,
+    /// How many triangles, those that rays meet, edges, those of meshes and places in leaves the device makes.
+    made: [u32; 5],
 }
 
 impl OfScene {
@@ -185,14 +220,31 @@ impl OfScene {
             // The trees may share their lists.
             let (mut floats, mut words) = (HashMap::new(), HashMap::new());
             for root in [true, false].map(|rays_move| sets.seen_by(rays_move)) {
+                let edges = place_of(root.edges, &mut this.edges_of_leaves, &mut words);
                 this.edge_trees.push([
                     place_of(root.nodes, &mut this.edge_nodes, &mut floats),
                     place_of(root.children, &mut this.edge_children, &mut words),
-                    place_of(root.leaves, &mut this.edge_leaves, &mut floats),
-                    place_of(root.edges, &mut this.edges_of_leaves, &mut words),
+                    LEAF as u32 * edges,
+                    edges,
                     root.start,
                     root.count,
                 ]);
+            }
+            let meshes;
+            (this.edge_kinds, this.creases, meshes) = sets.kinds();
+            this.made[2..4].copy_from_slice(&[this.edge_kinds.len() as u32, meshes as u32]);
+        }
+        let triangles = &view.scene.hierarchy.triangles;
+        let hits = this.tree.triangles.len();
+        this.made[..2].copy_from_slice(&[triangles.len() as u32, hits as u32]);
+        this.made[4] = this.edges_of_leaves.len() as u32;
+        this.vertices = vec![[0.0; 6]; view.scene.vertices()];
+        for (t, rows) in triangles.iter().zip(&lists.vertex_rows) {
+            for (corner, &row) in t.corners.iter().zip(rows) {
+                let coarse = corner.as_vec3();
+                let rest = (*corner - coarse.as_dvec3()).as_vec3();
+                let both = [coarse.to_array(), rest.to_array()];
+                this.vertices[row as usize].copy_from_slice(both.as_flattened());
             }
         }
         this
@@ -226,7 +278,6 @@ impl OfScene {
             boxes: self.tree.boxes.as_flattened(),
             children: self.tree.children.as_flattened(),
             leaves: self.tree.leaves.as_flattened(),
-            hits: self.tree.hits.as_flattened(),
             hit_numbers: &self.tree.triangles,
             hit_count: self.tree.triangles.len() as u32,
             counted: &self.counted,
@@ -234,8 +285,13 @@ impl OfScene {
             vertex_corners: &self.vertex_corners,
             edge_nodes: &self.edge_nodes,
             edge_children: &self.edge_children,
-            edge_leaves: &self.edge_leaves,
             edges_of_leaves: &self.edges_of_leaves,
+            edge_kinds: &self.edge_kinds,
+            creases: &self.creases,
+            vertices: self.vertices.as_flattened(),
+            crossings: &scene.edges[6 * self.made[3] as usize..],
+            surfaces: &[],
+            edges: &[],
             edge_trees: self.edge_trees.as_flattened(),
             ..scene
         }
@@ -244,6 +300,8 @@ impl OfScene {
     /// The numbers of all lists of floats.
     pub fn numbers(&self, view: &View) -> usize {
         let lists = self.add_to(view.lists());
-        lists.float_lists().iter().map(|(_, list)| list.len()).sum()
+        let sent: usize = lists.float_lists().iter().map(|(_, list)| list.len()).sum();
+        let [faces, hits, edges, _, lanes] = self.made.map(|n| n as usize);
+        sent + NUMBERS * faces + HIT_STRIDE as usize * hits + 6 * edges + LEAF * lanes
     }
 }

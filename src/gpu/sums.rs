@@ -93,9 +93,12 @@ fn scale_of(largest: u32, of_all: u32, keep: i32) -> f32 {
     scale
 }
 
-/// Chooses the scales of parts from the largest derivatives that measuring launches left.
+/// Chooses the scales of parts from the largest derivatives that measuring launches left, and sets all sums to 0.
 #[cube(launch)]
-pub(super) fn choose_scales(sizes: &[u32], scales: &mut [f32], keep: i32) {
+pub(super) fn choose_scales(sizes: &[u32], scales: &mut [f32], keep: i32, sums: &mut [u32]) {
+    if ABSOLUTE_POS < sums.len() {
+        sums[ABSOLUTE_POS] = 0;
+    }
     if ABSOLUTE_POS < PARTS {
         let mut most = 0u32;
         let mut part = 0usize;
@@ -140,14 +143,6 @@ pub(super) fn add_replicas(sums: &mut [u32], replicas: u32, numbers: u32) {
         sums[at] = first;
         sums[at + 1] = second;
         sums[at + 2] = total(sums[at + 2], above);
-    }
-}
-
-/// Sets all words to 0.
-#[cube(launch)]
-pub(super) fn clear(words: &mut [u32]) {
-    if ABSOLUTE_POS < words.len() {
-        words[ABSOLUTE_POS] = 0;
     }
 }
 

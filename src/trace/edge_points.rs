@@ -53,7 +53,7 @@ pub(crate) struct EdgePoint {
 /// Words of an edge: its faces, the rows of its ends in the vertices of the first two faces, its object, and
 /// 1 for a crossing, 2 for one whose line moves while the shutter is open.
 pub(crate) const OF_EDGE: usize = 10;
-const ROWS_OF_EDGE: u32 = 4;
+pub(crate) const ROWS_OF_EDGE: u32 = 4;
 const OBJECT_OF_EDGE: u32 = 8;
 const IS_CROSSING: u32 = 9;
 

@@ -38,6 +38,20 @@ macro_rules! lists {
         pub(crate) enum HeaderWord { $($float,)* $($word,)* $($number,)* End }
 
         #[cfg(feature = "wgpu")]
+        impl HeaderWord {
+            /// Whether lists that the device makes depend on this one.
+            pub fn shapes(self) -> bool {
+                use HeaderWord as W;
+                matches!(
+                    self,
+                    W::vertices | W::crossings | W::creases | W::velocities | W::vertex_rows
+                        | W::triangles | W::of_edges | W::edge_kinds | W::edges_of_leaves
+                        | W::hit_numbers
+                )
+            }
+        }
+
+        #[cfg(feature = "wgpu")]
         impl Scene<'_> {
             pub fn float_lists(&self) -> Vec<(HeaderWord, &[f32])> {
                 vec![$((HeaderWord::$float, self.$float),)*]
@@ -112,6 +126,11 @@ lists! {
         groups,
         /// Of each edge an end, and the vector to the other.
         edges,
+        /// For GPUs, which make `surfaces`, `hits`, `edges` and `edge_leaves`: each vertex as the sum of two numbers an axis,
+        /// edges that are crossings, and by how much colours may jump at each edge where both faces are seen.
+        vertices,
+        crossings,
+        creases,
         /// Of the trees over all edges and over those that move, one behind the other.
         edge_nodes,
         edge_leaves,
@@ -150,6 +169,8 @@ lists! {
         of_edges,
         edge_children,
         edges_of_leaves,
+        /// For GPUs the kind of each edge, and whether its object is closed ([`CLOSED`]).
+        edge_kinds,
         /// Of both trees: where their nodes, children, leaves and edges begin, the child that a draw starts at, and how
         /// many it starts at.
         edge_trees,
@@ -209,6 +230,9 @@ pub(crate) const NORMAL_MAP: u32 = 1 + 4 * CHANNELS;
 pub(crate) const MATERIAL: u32 = NORMAL_MAP + 4;
 pub(crate) const GROUP: u32 = 7;
 pub(crate) const OF_GROUP: u32 = 3;
+/// The bit of an edge's kind that says that its object is closed; the others are 0 for a fold, 1 for a border and 2 for a
+/// crossing.
+pub(crate) const CLOSED: u32 = 4;
 /// No row, or no triangle.
 pub(crate) const NONE: u32 = u32::MAX;
 

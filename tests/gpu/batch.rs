@@ -103,8 +103,9 @@ fn work_of_a_step() {
             let by = gradient(&vertices, &gradients);
             assert!(by.iter().any(|&g| g != 0.0));
             println!("{scenes} scenes: {step:?}");
-            // One for what of the scene has changed, two for the image, and of the gradient four where the loss is looked
-            // at, seven for the sizes of derivatives, seven for paths, two for films, and one before and behind.
+            // One for what of the scene has changed, one for what follows from it, two for the image, and of the gradient
+            // four where the loss is looked at, eight for the sizes of derivatives, six for paths, two for films, and one
+            // behind.
             assert!(step.launches <= 25, "{step:?}");
             assert_eq!((step.uploads, step.read_backs), (2, 1), "{step:?}");
             step.read_bytes

@@ -48,7 +48,7 @@ pub(crate) const NO_EDGE: u32 = u32::MAX;
 /// Numbers of a branch of a node: centre, radius, axis, cosine, sine, jumps.
 pub(super) const NODE: usize = 14;
 /// Of an edge of a leaf: middle, half the length, vector along, both normals, jumps, velocity.
-pub(super) const LEAF: usize = 21;
+pub(crate) const LEAF: usize = 21;
 const JUMPS_OF_NODE: usize = 9;
 const JUMPS_OF_LEAF: usize = 13;
 const VELOCITY: usize = 18;

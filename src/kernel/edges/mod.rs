@@ -17,8 +17,12 @@ use super::gradient::Wanted;
 use super::scene::KernelScene;
 use crate::model::V3;
 use crate::scene::HostScene;
+#[cfg(feature = "wgpu")]
+use crate::trace::CLOSED;
 use crate::trace::{OF_EDGE, Scene};
 use bounds::EdgeList;
+#[cfg(feature = "wgpu")]
+pub(crate) use draw::LEAF;
 pub(crate) use draw::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
 use meshes::MeshEdges;
 use tree::{Division, EdgeTree};
@@ -224,6 +228,19 @@ impl EdgeSets {
     pub fn add_to<'a>(&'a self, scene: &mut Scene<'a>) {
         scene.edges = self.edges.flat.as_flattened().as_flattened();
         scene.of_edges = self.edges.words.as_flattened();
+    }
+
+    /// The kinds of edges, by how much colours may jump at each, and the number of those of meshes, which come first.
+    #[cfg(feature = "wgpu")]
+    pub fn kinds(&self) -> (Vec<u32>, Vec<f32>, usize) {
+        let kinds = &self.edges.kinds;
+        let kind = |&(kind, _, closed): &(Kind, f32, bool)| match closed {
+            true => kind as u32 | CLOSED,
+            false => kind as u32,
+        };
+        let meshes = kinds.partition_point(|k| k.0 != Kind::Crossing);
+        let creases = kinds.par_iter().map(|k| k.1).collect();
+        (kinds.par_iter().map(kind).collect(), creases, meshes)
     }
 
     /// The tree over the edges that matter to rays: all to rays that move, else those that move.

@@ -1,0 +1,300 @@
+//! Lists that the device makes from vertices and from what stays while these move: triangles as paths and as rays meet them,
+//! edges of meshes, and the edges in leaves of trees.
+
+use crate::accel::{HIT_STRIDE, LANES, ROUNDING};
+use crate::cube::*;
+use crate::kernel::LEAF;
+use crate::model::triangle::NUMBERS;
+use crate::model::{V3, splat, v3};
+use crate::trace::{CLOSED, HEADER, HeaderWord, NONE, OF_EDGE, ROWS_OF_EDGE, TRIANGLE};
+
+/// What is made of a scene, in words: the first thread, the view whose header says where its lists are, and the numbers of
+/// its triangles, of those that rays meet, of its edges, of those of meshes among these, and of places in leaves.
+pub(super) const OF_SCENE: usize = 7;
+
+/// Where lists of a scene begin in the buffers.
+#[derive(CubeType, Clone, Copy)]
+#[expand(derive(Clone, Copy))]
+struct At {
+    vertices: u32,
+    rows: u32,
+    triangles: u32,
+    velocities: u32,
+    edges: u32,
+    of_edges: u32,
+    kinds: u32,
+    creases: u32,
+    crossings: u32,
+    /// Edges of meshes.
+    meshes: u32,
+    #[cube(comptime)]
+    moves: bool,
+}
+
+/// A triangle as its vertices make it.
+#[apply(record!)]
+struct Face {
+    a: V3,
+    b: V3,
+    c: V3,
+    /// The vectors from corner to corner.
+    ab: V3,
+    bc: V3,
+    ca: V3,
+    normal: V3,
+    offset: f32,
+    area: f32,
+    /// Whether it has area.
+    valid: bool,
+}
+
+/// Three numbers of a list that a kernel also writes to.
+#[cube]
+fn read(floats: &mut [f32], at: u32) -> V3 {
+    let i = at as usize;
+    v3(floats[i], floats[i + 1], floats[i + 2])
+}
+
+#[cube]
+fn write(floats: &mut [f32], at: u32, v: V3) {
+    let i = at as usize;
+    floats[i] = v.x;
+    floats[i + 1] = v.y;
+    floats[i + 2] = v.z;
+}
+
+/// A vertex is the sum of two numbers an axis.
+#[cube]
+fn vertex(floats: &mut [f32], at: At, row: u32) -> V3 {
+    read(floats, at.vertices + 6 * row)
+}
+
+/// The vector from one vertex to another.
+#[cube]
+fn between(floats: &mut [f32], at: At, from: u32, to: u32) -> V3 {
+    let (from, to) = (at.vertices + 6 * from, at.vertices + 6 * to);
+    let coarse = read(floats, to) - read(floats, from);
+    coarse + (read(floats, to + 3) - read(floats, from + 3))
+}
+
+/// Triangles with less area, or with an infinite one, are never hit.
+const LEAST_AREA: f32 = 1e-35;
+
+#[cube]
+fn face(floats: &mut [f32], words: &[u32], at: At, triangle: u32) -> Face {
+    let rows = (at.rows + 3 * triangle) as usize;
+    let (a, b, c) = (words[rows], words[rows + 1], words[rows + 2]);
+    let ab = between(floats, at, a, b);
+    let bc = between(floats, at, b, c);
+    let ca = between(floats, at, c, a);
+    // So that products of tiny lengths are no zeros.
+    let size = ab.abs().max(ca.abs()).max_element();
+    let scale = 1.0 / size.max(1e-37);
+    let across = (ca * scale).cross(ab * scale);
+    let doubled = across.length();
+    let area = 0.5 * doubled * size * size;
+    let valid = area > LEAST_AREA && area < f32::MAX;
+    let corner = vertex(floats, at, a);
+    let mut normal = v3(0.0, 0.0, 1.0);
+    let mut offset = 0.0f32;
+    if valid {
+        normal = across * (1.0 / doubled);
+        let rest = read(floats, at.vertices + 6 * a + 3);
+        offset = normal.dot(corner) + normal.dot(rest);
+    }
+    Face {
+        a: corner,
+        b: vertex(floats, at, b),
+        c: vertex(floats, at, c),
+        ab,
+        bc,
+        ca,
+        normal,
+        offset,
+        area: select(valid, area, 0.0),
+        valid,
+    }
+}
+
+/// The displacement of a triangle over the shutter.
+#[cube]
+fn velocity(floats: &mut [f32], words: &[u32], at: At, triangle: u32) -> V3 {
+    let mut v = splat(0.0);
+    if comptime!(at.moves) {
+        let object = words[(at.triangles + TRIANGLE * triangle) as usize + 1];
+        v = read(floats, at.velocities + 3 * object);
+    }
+    v
+}
+
+/// A triangle as paths meet it ([`Triangle`](crate::model::triangle::Triangle)).
+#[cube]
+fn make_surface(floats: &mut [f32], to: u32, f: &Face) {
+    write(floats, to, f.a);
+    write(floats, to + 3, f.b);
+    write(floats, to + 6, f.c);
+    write(floats, to + 9, f.normal);
+    floats[(to + 12) as usize] = f.offset;
+    floats[(to + 13) as usize] = f.area;
+}
+
+/// A line of a triangle's border as a distance that is positive inside; returns what its place is rounded by.
+#[cube]
+fn make_line(floats: &mut [f32], to: u32, f: &Face, corner: V3, along: V3) -> f32 {
+    let across = f.normal.cross(along);
+    let across = across * (1.0 / across.length());
+    let offset = -across.dot(corner);
+    write(floats, to, across);
+    floats[to as usize + 3] = offset;
+    ROUNDING * offset.abs()
+}
+
+/// A triangle as rays meet it: normal and plane, lines of the border, the rounding of these, and the displacement over the
+/// shutter; zeros for a triangle that is never hit.
+#[cube]
+fn make_hit(floats: &mut [f32], to: u32, f: &Face, velocity: V3) {
+    if f.valid {
+        write(floats, to, f.normal);
+        floats[to as usize + 3] = f.offset;
+        let first = make_line(floats, to + 4, f, f.a, f.ab);
+        let second = make_line(floats, to + 8, f, f.b, f.bc);
+        let third = make_line(floats, to + 12, f, f.c, f.ca);
+        floats[to as usize + 16] = first.max(second).max(third);
+        write(floats, to + 17, velocity);
+    } else {
+        for i in 0..HIT_STRIDE {
+            floats[(to + i) as usize] = 0.0;
+        }
+    }
+}
+
+/// An edge: an end, and the vector to the other.
+#[apply(record!)]
+struct Line {
+    start: V3,
+    along: V3,
+}
+
+#[cube]
+fn edge(floats: &mut [f32], words: &[u32], at: At, index: u32) -> Line {
+    let mut start = splat(0.0);
+    let mut along = splat(0.0);
+    if index < at.meshes {
+        let rows = (at.of_edges + OF_EDGE as u32 * index + ROWS_OF_EDGE) as usize;
+        start = vertex(floats, at, words[rows]);
+        along = vertex(floats, at, words[rows + 1]) - start;
+    } else {
+        let crossing = at.crossings + 6 * (index - at.meshes);
+        start = read(floats, crossing);
+        along = read(floats, crossing + 3);
+    }
+    Line { start, along }
+}
+
+/// An edge at a place in a leaf ([`SeenEdge`](crate::model::edge_weight::SeenEdge)).
+#[cube]
+fn make_lane(floats: &mut [f32], words: &[u32], at: At, leaves: u32, lane: u32, index: u32) {
+    let lanes = LANES as u32;
+    let to = leaves + lane / lanes * (LEAF as u32 * lanes) + lane % lanes;
+    if index == NONE {
+        for k in 0..LEAF as u32 {
+            floats[(to + lanes * k) as usize] = 0.0;
+        }
+    } else {
+        let line = edge(floats, words, at, index);
+        let faces = (at.of_edges + OF_EDGE as u32 * index) as usize;
+        let first = words[faces];
+        let second = select(words[faces + 1] == NONE, first, words[faces + 1]);
+        let front = face(floats, words, at, first).normal;
+        let back = face(floats, words, at, second).normal;
+        let kind = words[(at.kinds + index) as usize];
+        let is = kind % CLOSED;
+        let crease = floats[(at.creases + index) as usize];
+        let v = velocity(floats, words, at, first);
+        let middle = line.start + line.along * 0.5;
+        put(floats, to, 0u32, middle);
+        floats[(to + 3 * lanes) as usize] = 0.5 * line.along.length();
+        put(floats, to, 4u32, line.along);
+        put(floats, to, 7u32, front);
+        put(floats, to, 10u32, back);
+        floats[(to + 13 * lanes) as usize] = select(is == 0, 0.0, 1.0);
+        floats[(to + 14 * lanes) as usize] = select(is == 1, 1.0, 0.0);
+        floats[(to + 15 * lanes) as usize] = select(is == 0, 1.0, 0.0);
+        floats[(to + 16 * lanes) as usize] = select(is == 0, crease, 0.0);
+        floats[(to + 17 * lanes) as usize] = select(kind >= CLOSED, 1.0, 0.0);
+        put(floats, to, 18u32, v);
+    }
+}
+
+/// Puts a vector at a lane of a block, from one of its numbers on.
+#[cube]
+fn put(floats: &mut [f32], lane: u32, k: u32, v: V3) {
+    let lanes = LANES as u32;
+    let to = lane + lanes * k;
+    floats[to as usize] = v.x;
+    floats[(to + lanes) as usize] = v.y;
+    floats[(to + 2 * lanes) as usize] = v.z;
+}
+
+/// Makes the lists of all scenes; a thread makes one triangle, edge or place in a leaf.
+#[cube(launch)]
+pub(super) fn make_lists(
+    floats: &mut [f32],
+    words: &[u32],
+    table: u32,
+    scenes: u32,
+    threads: u32,
+    #[comptime] moves: bool,
+) {
+    let index = ABSOLUTE_POS as u32;
+    if index < threads {
+        let of_scene = OF_SCENE as u32;
+        let mut scene = table;
+        while scene + of_scene < table + scenes * of_scene
+            && words[(scene + of_scene) as usize] <= index
+        {
+            scene += of_scene;
+        }
+        let s = scene as usize;
+        let mut own = index - words[s];
+        let header = words[s + 1] as usize * HEADER;
+        let at = At {
+            vertices: words[header + comptime!(HeaderWord::vertices as usize)],
+            rows: words[header + comptime!(HeaderWord::vertex_rows as usize)],
+            triangles: words[header + comptime!(HeaderWord::triangles as usize)],
+            velocities: words[header + comptime!(HeaderWord::velocities as usize)],
+            edges: words[header + comptime!(HeaderWord::edges as usize)],
+            of_edges: words[header + comptime!(HeaderWord::of_edges as usize)],
+            kinds: words[header + comptime!(HeaderWord::edge_kinds as usize)],
+            creases: words[header + comptime!(HeaderWord::creases as usize)],
+            crossings: words[header + comptime!(HeaderWord::crossings as usize)],
+            meshes: words[s + 5],
+            moves,
+        };
+        let (faces, hits, edges) = (words[s + 2], words[s + 3], words[s + 4]);
+        if own < faces {
+            let f = face(floats, words, at, own);
+            let surfaces = words[header + comptime!(HeaderWord::surfaces as usize)];
+            make_surface(floats, surfaces + NUMBERS as u32 * own, &f);
+        } else if own < faces + hits {
+            own -= faces;
+            let numbers = words[header + comptime!(HeaderWord::hit_numbers as usize)];
+            let triangle = words[(numbers + own) as usize];
+            let f = face(floats, words, at, triangle);
+            let v = velocity(floats, words, at, triangle);
+            let to = words[header + comptime!(HeaderWord::hits as usize)];
+            make_hit(floats, to + HIT_STRIDE * own, &f, v);
+        } else if own < faces + hits + edges {
+            own -= faces + hits;
+            let line = edge(floats, words, at, own);
+            write(floats, at.edges + 6 * own, line.start);
+            write(floats, at.edges + 6 * own + 3, line.along);
+        } else {
+            own -= faces + hits + edges;
+            let list = words[header + comptime!(HeaderWord::edges_of_leaves as usize)];
+            let leaves = words[header + comptime!(HeaderWord::edge_leaves as usize)];
+            let which = words[(list + own) as usize];
+            make_lane(floats, words, at, leaves, own, which);
+        }
+    }
+}
