@@ -286,19 +286,19 @@ fn values_outside_of_their_ranges_have_no_gradient() {
 
 #[test]
 fn derivatives_by_vertices() {
+    let mut flipped = 0;
     for case in cases() {
         let found = by_vertices(&case, &device());
         let again = by_vertices(&case, &device());
         let wanted = by_vertices(&case, &Device::flex());
         let apart = apart(&found, &wanted);
-        // A path may meet another surface by rounding: then few vertices differ.
-        let limit = 1e-5 * largest(wanted.iter().copied());
-        let differs = |(a, b): &(f64, f64)| (a - b).abs() > limit;
-        let differ = pairs(&found, &wanted).filter(differs).count();
-        println!("{}: {apart:e}, {differ} differ", case.name);
+        println!("{}: {apart:e}", case.name);
         assert_eq!(found, again, "{}", case.name);
-        assert!(apart < 1e-4 && 50 * differ < wanted.len(), "{}", case.name);
+        // In a scene or two a path may meet another surface by rounding.
+        assert!(apart < 1e-4, "{}: {apart:e}", case.name);
+        flipped += usize::from(apart > 1e-5);
     }
+    assert!(flipped <= 2, "{flipped}");
 }
 
 /// A scene of so many faces; over 32 those of a ball over a floor and under a lamp.
