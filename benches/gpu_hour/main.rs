@@ -1,4 +1,4 @@
-//! What should be known of a GPU, in ten minutes of its time: paths a second, training steps of batches and of large
+//! What should be known of a GPU, meant for ten minutes of its time: paths a second, training steps of batches and of large
 //! meshes with the times of their stages, and how far images and gradients are from the host's. It writes one JSON file
 //! and one page.
 //!

@@ -15,6 +15,8 @@ use super::made::make_lists;
 
 /// Words of a block.
 const BLOCK: usize = 1024;
+/// Blocks that are sent at once, at most: 64 MiB.
+const AT_ONCE: usize = 1 << 14;
 
 /// Lists of numbers of 32 bits, one behind the other, each once.
 #[derive(Default)]
@@ -94,7 +96,6 @@ impl<'a> Plan<'a> {
         let changed = words.par_chunks_mut(BLOCK).enumerate().filter_map(fill);
         let changed: Vec<(u32, bool)> = changed.collect();
         Buffer {
-            alike,
             shapes: changed.iter().any(|c| c.1),
             changed: changed.into_iter().map(|c| c.0).collect(),
             words,
@@ -104,10 +105,9 @@ impl<'a> Plan<'a> {
 
 /// The numbers of lists.
 #[derive(Default)]
-pub(crate) struct Buffer {
-    pub words: Vec<u32>,
-    /// Whether it is as long as that of the last render, and the blocks in which it differs from that, or all.
-    alike: bool,
+pub(super) struct Buffer {
+    words: Vec<u32>,
+    /// The blocks in which they differ from those of the last render.
     changed: Vec<u32>,
     /// Whether what the device makes differs too.
     shapes: bool,
@@ -133,8 +133,8 @@ pub(super) struct Made {
 /// Two buffers, of floats and of words, on the host and on a device.
 #[derive(Default)]
 pub(crate) struct Buffers {
-    pub floats: Buffer,
-    pub words: Buffer,
+    floats: Buffer,
+    words: Buffer,
     made: Made,
     sent: Mutex<Sent>,
 }
@@ -179,6 +179,11 @@ impl Buffers {
         }
     }
 
+    /// The headers of views, and the lists of words behind them.
+    pub fn header(&self) -> &[u32] {
+        &self.words.words
+    }
+
     /// Numbers of the longer one.
     pub fn longest(&self) -> usize {
         self.floats.words.len().max(self.words.words.len())
@@ -218,27 +223,25 @@ impl Buffers {
     fn write(&self, client: &Client, [floats, words, _]: &[List; 3]) {
         let both = [&self.floats, &self.words];
         let numbers = both.map(|b| &b.changed[..]).concat();
-        if numbers.is_empty() {
-            return;
-        }
-        let mut data = Vec::with_capacity(numbers.len() * BLOCK);
-        for buffer in both {
-            for &k in &buffer.changed {
-                let past = data.len() + BLOCK;
-                data.extend(buffer.block(k));
-                data.resize(past, 0);
+        // In parts that any device takes as one list.
+        for (part, numbers) in numbers.chunks(AT_ONCE).enumerate() {
+            let of_floats = self.floats.changed.len().saturating_sub(part * AT_ONCE);
+            let of_floats = of_floats.min(numbers.len());
+            let mut data = Vec::with_capacity(numbers.len() * BLOCK);
+            for (i, &k) in numbers.iter().enumerate() {
+                data.extend(both[usize::from(i >= of_floats)].block(k));
+                data.resize((i + 1) * BLOCK, 0);
             }
+            let lists = [numbers, &data].map(u32::as_bytes);
+            let [numbers, data] = List::send(client, lists);
+            launch!(
+                client,
+                data.length,
+                write_blocks(floats, words, &numbers, &data, of_floats as u32)
+            );
         }
-        let lists = [&numbers, &data].map(|w| u32::as_bytes(w));
-        let [numbers, data] = List::send(client, lists);
-        let of_floats = self.floats.changed.len() as u32;
-        launch!(
-            client,
-            data.length,
-            write_blocks(floats, words, &numbers, &data, of_floats)
-        );
         let made = self.made;
-        if made.threads > 0 && both.iter().any(|b| b.shapes || !b.alike) {
+        if made.threads > 0 && both.iter().any(|b| b.shapes) {
             launch!(
                 client,
                 made.threads as usize,

@@ -51,7 +51,7 @@ pub(crate) trait CountBackend: Backend {
 
 impl CountBackend for Cube {
     fn count(like: FloatTensor<Self>, job: Job) -> IntTensor<Self> {
-        let of_view = job.views.buffers.words.words[BOUNCES] + 2;
+        let of_view = job.views.buffers.header()[BOUNCES] + 2;
         let length = 2 * job.views.views * of_view as usize;
         let (tensor, counts) = int_zeros(&like, length);
         let (client, _) = floats(like);

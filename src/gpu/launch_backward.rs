@@ -317,7 +317,7 @@ impl<'a> Pass<'a> {
 
 /// Points of a path at most.
 fn points(job: &Job) -> usize {
-    job.views.buffers.words.words[BOUNCES] as usize + 1
+    job.views.buffers.header()[BOUNCES] as usize + 1
 }
 
 /// Words of a path's records.

@@ -3,8 +3,9 @@
 
 use crate::accel::{HIT_STRIDE, LANES, ROUNDING};
 use crate::cube::*;
-use crate::kernel::LEAF;
-use crate::model::triangle::NUMBERS;
+use crate::kernel::{LEAF, put_edge};
+use crate::model::edge_weight::{Jumps, SeenEdge};
+use crate::model::triangle::{NUMBERS, has_area};
 use crate::model::{V3, splat, v3};
 use crate::trace::{CLOSED, HEADER, HeaderWord, NONE, OF_EDGE, ROWS_OF_EDGE, TRIANGLE};
 
@@ -77,9 +78,6 @@ fn between(floats: &mut [f32], at: At, from: u32, to: u32) -> V3 {
     coarse + (read(floats, to + 3) - read(floats, from + 3))
 }
 
-/// Triangles with less area, or with an infinite one, are never hit.
-const LEAST_AREA: f32 = 1e-35;
-
 #[cube]
 fn face(floats: &mut [f32], words: &[u32], at: At, triangle: u32) -> Face {
     let rows = (at.rows + 3 * triangle) as usize;
@@ -93,7 +91,7 @@ fn face(floats: &mut [f32], words: &[u32], at: At, triangle: u32) -> Face {
     let across = (ca * scale).cross(ab * scale);
     let doubled = across.length();
     let area = 0.5 * doubled * size * size;
-    let valid = area > LEAST_AREA && area < f32::MAX;
+    let valid = has_area(area);
     let corner = vertex(floats, at, a);
     let mut normal = v3(0.0, 0.0, 1.0);
     let mut offset = 0.0f32;
@@ -208,32 +206,18 @@ fn make_lane(floats: &mut [f32], words: &[u32], at: At, leaves: u32, lane: u32, 
         let front = face(floats, words, at, first).normal;
         let back = face(floats, words, at, second).normal;
         let kind = words[(at.kinds + index) as usize];
-        let is = kind % CLOSED;
         let crease = floats[(at.creases + index) as usize];
         let v = velocity(floats, words, at, first);
-        let middle = line.start + line.along * 0.5;
-        put(floats, to, 0u32, middle);
-        floats[(to + 3 * lanes) as usize] = 0.5 * line.along.length();
-        put(floats, to, 4u32, line.along);
-        put(floats, to, 7u32, front);
-        put(floats, to, 10u32, back);
-        floats[(to + 13 * lanes) as usize] = select(is == 0, 0.0, 1.0);
-        floats[(to + 14 * lanes) as usize] = select(is == 1, 1.0, 0.0);
-        floats[(to + 15 * lanes) as usize] = select(is == 0, 1.0, 0.0);
-        floats[(to + 16 * lanes) as usize] = select(is == 0, crease, 0.0);
-        floats[(to + 17 * lanes) as usize] = select(kind >= CLOSED, 1.0, 0.0);
-        put(floats, to, 18u32, v);
+        let seen = SeenEdge {
+            to: line.start + line.along * 0.5,
+            half: 0.5 * line.along.length(),
+            along: line.along,
+            front,
+            back,
+            jumps: Jumps::of_kind(kind % CLOSED, crease, kind >= CLOSED),
+        };
+        put_edge(floats, to as usize, &seen, v);
     }
-}
-
-/// Puts a vector at a lane of a block, from one of its numbers on.
-#[cube]
-fn put(floats: &mut [f32], lane: u32, k: u32, v: V3) {
-    let lanes = LANES as u32;
-    let to = lane + lanes * k;
-    floats[to as usize] = v.x;
-    floats[(to + lanes) as usize] = v.y;
-    floats[(to + 2 * lanes) as usize] = v.z;
 }
 
 /// Makes the lists of all scenes; a thread makes one triangle, edge or place in a leaf.

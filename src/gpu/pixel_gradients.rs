@@ -25,7 +25,7 @@ impl Pass<'_> {
         let (table, pieces) = (&self.table, &self.pieces);
         let (scales, count) = (&self.scales, films.count);
         let views = job.views.views;
-        let header = &job.views.buffers.words.words;
+        let header = job.views.buffers.header();
         let [columns, rows] =
             [HeaderWord::width, HeaderWord::height].map(|n| header[n as usize].div_ceil(CELL));
         let grid = || GridLaunch::new(views as u32, columns, rows);

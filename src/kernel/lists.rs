@@ -174,8 +174,7 @@ impl Lists {
         let triangle = move |k: usize| {
             let object = self.triangles[k][1];
             let mut t = HostTriangle::new(self.corners(k), velocity(object), true);
-            let area = t.area() as f32;
-            t.valid &= area > 1e-35 && area.is_finite();
+            t.valid &= triangle::has_area(t.area() as f32);
             t
         };
         (0..self.triangles.len()).into_par_iter().map(triangle)

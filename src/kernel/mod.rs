@@ -26,7 +26,7 @@ mod walk;
 pub(crate) use boundary::Piece;
 pub(crate) use boundary::{FilmEdges, PixelGradients};
 #[cfg(feature = "wgpu")]
-pub(crate) use edges::{DrawnEdge, LEAF, NO_EDGE, Root, draw_edge};
+pub(crate) use edges::{DrawnEdge, LEAF, NO_EDGE, Root, draw_edge, put_edge};
 pub(crate) use edges::{EdgeSets, LastEdges};
 #[cfg(feature = "wgpu")]
 pub(crate) use gradient::Rows;

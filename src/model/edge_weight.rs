@@ -70,8 +70,27 @@ pub(crate) struct Estimate {
 /// Lengths that are divided by are at least this.
 const TINY: f32 = 1e-30;
 
+/// Kinds of edges: of a fold one face may be seen from the front and one from behind, at a border something always jumps,
+/// and at a crossing colours alone.
+pub(crate) const FOLD: u32 = 0;
+pub(crate) const BORDER: u32 = 1;
+pub(crate) const CROSSING: u32 = 2;
+
 #[cfg_attr(feature = "wgpu", cube)]
 impl Jumps {
+    /// Of an edge of a kind, by how much colours may jump where both of its faces are seen, and whether its object is closed.
+    #[inline(always)]
+    pub fn of_kind(kind: u32, crease: f32, closed: bool) -> Jumps {
+        let fold = kind == FOLD;
+        Jumps {
+            seen_always: select(fold, 0.0, 1.0),
+            passes_always: select(kind == BORDER, 1.0, 0.0),
+            fold: select(fold, 1.0, 0.0),
+            crease: select(fold, crease, 0.0),
+            closed: select(closed, 1.0, 0.0),
+        }
+    }
+
     /// The jumps that are there wherever the edge is seen from.
     #[inline(always)]
     fn always(&self, q: &Query) -> f32 {

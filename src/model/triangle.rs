@@ -47,6 +47,13 @@ pub(crate) fn triangle_at(triangles: &[f32], k: u32) -> Triangle {
     }
 }
 
+/// Whether an area is one that rays can hit: neither so small that it has no inverse, nor infinite.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn has_area(area: f32) -> bool {
+    area > 1e-35 && area <= f32::MAX
+}
+
 /// The plane of a triangle of a list.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]

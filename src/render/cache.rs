@@ -13,7 +13,7 @@ use crate::scene::Constants;
 ///
 /// Of GPUs the numbers of tensors that are not in a graph are kept, so that each is read back once, and the lists of scenes,
 /// on the device and on the host: the next render sends what has changed. They are freed with the cache. All is sent again
-/// where a list has another length, while a graph needs the last lists, after a failure, on another device and from another
+/// where lists take another room, while a graph needs the last lists, after a failure, on another device and from another
 /// thread.
 #[derive(Clone, Default)]
 pub struct HierarchyCache {

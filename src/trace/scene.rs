@@ -230,8 +230,7 @@ pub(crate) const NORMAL_MAP: u32 = 1 + 4 * CHANNELS;
 pub(crate) const MATERIAL: u32 = NORMAL_MAP + 4;
 pub(crate) const GROUP: u32 = 7;
 pub(crate) const OF_GROUP: u32 = 3;
-/// The bit of an edge's kind that says that its object is closed; the others are 0 for a fold, 1 for a border and 2 for a
-/// crossing.
+/// The bit of an edge's kind ([`FOLD`](crate::model::edge_weight::FOLD) and so on) that says that its object is closed.
 pub(crate) const CLOSED: u32 = 4;
 /// No row, or no triangle.
 pub(crate) const NONE: u32 = u32::MAX;

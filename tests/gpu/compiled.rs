@@ -3,15 +3,15 @@
 use std::path::Path;
 
 use crate::common::folder::Folder;
-use crate::common::process::again;
+use crate::common::process::alone_with;
 use crate::common::scenes::{diffuse, floor, lamp};
 use crate::common::tensors::gradient;
 use crate::device::device;
 use burn::tensor::Tensor;
 use softray::prelude::*;
 
-/// The variable that names the file in which CubeCL logs what it compiles, for a process of this test's own.
-const LOG: &str = "SOFTRAY_LOG_OF_KERNELS";
+/// The variable that names the file in which CubeCL logs what it compiles.
+const LOG: &str = "CUBECL_DEBUG_LOG";
 
 /// Kernels of this crate that were compiled so far, by the log.
 fn compiled(log: &Path) -> usize {
@@ -23,19 +23,12 @@ fn compiled(log: &Path) -> usize {
 /// after the third.
 #[test]
 fn a_fit_compiles_its_kernels_in_its_first_steps() {
-    let Some(log) = std::env::var_os(LOG) else {
-        let folder = Folder::new("compiled");
-        let mut own = again(a_fit_compiles_its_kernels_in_its_first_steps);
-        let output = own
-            .env(LOG, folder.path("log"))
-            .env("CUBECL_DEBUG_LOG", folder.path("log"))
-            .output();
-        let output = output.expect("a process");
-        let said = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
-        println!("{}{}", said[0], said[1]);
-        assert!(output.status.success() && said[0].contains("1 passed"));
+    let folder = Folder::new("compiled");
+    let log = [(LOG, &*folder.path("log"))];
+    if !alone_with(a_fit_compiles_its_kernels_in_its_first_steps, &log) {
         return;
-    };
+    }
+    let log = std::env::var(LOG).expect("the variable");
     let device = device();
     let ball = shapes::icosphere(2, &device).scaled([0.5; 3]);
     let scene = Scene::new()

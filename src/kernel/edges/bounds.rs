@@ -1,6 +1,6 @@
 //! Bounds of edges: a sphere, a cone of normals, and what jumps.
 
-use super::{Edge, Edges, Kind};
+use super::Edges;
 use crate::kernel::scene::KernelScene;
 use crate::model::edge_weight::{Jumps, SeenEdge, Subtree};
 use crate::model::{V3, v3};
@@ -31,26 +31,9 @@ impl EdgeList<'_> {
             along: e.along,
             front,
             back,
-            jumps: e.jumps(),
+            jumps: Jumps::of_kind(e.kind as u32, e.crease, e.closed),
         };
         (seen, self.scene.shift(first, 1.0))
-    }
-}
-
-impl Edge {
-    fn jumps(&self) -> Jumps {
-        let (seen_always, passes_always, fold) = match self.kind {
-            Kind::Fold => (0.0, 0.0, 1.0),
-            Kind::Border => (1.0, 1.0, 0.0),
-            Kind::Crossing => (1.0, 0.0, 0.0),
-        };
-        Jumps {
-            seen_always,
-            passes_always,
-            fold,
-            crease: fold * self.crease,
-            closed: f32::from(u8::from(self.closed)),
-        }
     }
 }
 

@@ -131,17 +131,32 @@ fn seen_edge(tree: &Root, block: &[f32], branch: usize, q: &Query) -> SeenEdge {
     }
 }
 
-impl SeenEdge {
-    /// As it is seen from the origin at the start of the shutter.
-    pub(super) fn numbers(&self, velocity: V3) -> [f32; LEAF] {
-        let mut all = [self.half; LEAF];
-        let vectors = [self.to, self.along, self.front, self.back, velocity];
-        for (v, first) in vectors.into_iter().zip([0, 4, 7, 10, VELOCITY]) {
-            all[first..first + 3].copy_from_slice(&v.to_array());
-        }
-        all[JUMPS_OF_LEAF..VELOCITY].copy_from_slice(&self.jumps.numbers());
-        all
-    }
+/// Puts a vector at a lane of a block that begins at a place of a list, from one of its numbers on.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+fn put(list: &mut [f32], lane: usize, k: usize, v: V3) {
+    list[lane + LANES * k] = v.x;
+    list[lane + LANES * (k + 1)] = v.y;
+    list[lane + LANES * (k + 2)] = v.z;
+}
+
+/// Puts an edge, as it is seen from the origin at the start of the shutter, and its way over the shutter into a lane of a
+/// block of a leaf, whose first number is at a place of a list.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn put_edge(list: &mut [f32], lane: usize, e: &SeenEdge, velocity: V3) {
+    put(list, lane, 0usize, e.to);
+    list[lane + LANES * 3] = e.half;
+    put(list, lane, 4usize, e.along);
+    put(list, lane, 7usize, e.front);
+    put(list, lane, 10usize, e.back);
+    let jumps = lane + LANES * JUMPS_OF_LEAF;
+    list[jumps] = e.jumps.seen_always;
+    list[jumps + LANES] = e.jumps.passes_always;
+    list[jumps + LANES * 2] = e.jumps.fold;
+    list[jumps + LANES * 3] = e.jumps.crease;
+    list[jumps + LANES * 4] = e.jumps.closed;
+    put(list, lane, VELOCITY, velocity);
 }
 
 /// The weights of the branches of a node, and whether they are to be entered.

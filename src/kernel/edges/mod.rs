@@ -16,14 +16,15 @@ use rayon::prelude::*;
 use super::gradient::Wanted;
 use super::scene::KernelScene;
 use crate::model::V3;
+use crate::model::edge_weight::{BORDER, CROSSING, FOLD};
 use crate::scene::HostScene;
 #[cfg(feature = "wgpu")]
 use crate::trace::CLOSED;
 use crate::trace::{OF_EDGE, Scene};
 use bounds::EdgeList;
-#[cfg(feature = "wgpu")]
-pub(crate) use draw::LEAF;
 pub(crate) use draw::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
+#[cfg(feature = "wgpu")]
+pub(crate) use draw::{LEAF, put_edge};
 use meshes::MeshEdges;
 use tree::{Division, EdgeTree};
 
@@ -74,11 +75,11 @@ impl Edge {
 pub(crate) enum Kind {
     /// An edge between two faces of opposite direction: it jumps where one is seen from the front, one from
     /// behind.
-    Fold,
+    Fold = FOLD as isize,
     /// An edge of one face, or of more than two: it always jumps.
-    Border,
+    Border = BORDER as isize,
     /// A line in which two triangles pass through each other: colours jump, but not whether light passes.
-    Crossing,
+    Crossing = CROSSING as isize,
 }
 
 /// A list of edges.

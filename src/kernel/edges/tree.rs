@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::Kind;
 use super::bounds::{Bounds, EdgeList};
-use super::draw::{LEAF, NODE, Root};
+use super::draw::{LEAF, NODE, Root, put_edge};
 use crate::accel::LANES;
 use crate::accel::eights::{Divide, NONE, Shape, set};
 use crate::model::V3;
@@ -169,7 +169,7 @@ impl EdgeTree {
             seen.clear();
             seen.extend(list.iter().map(|&i| source.seen(i)));
             for (i, (edge, velocity)) in seen.iter().enumerate() {
-                set(block, i, edge.numbers(*velocity));
+                put_edge(block, i, edge, *velocity);
             }
             Bounds::new(seen)
         });
