@@ -187,6 +187,32 @@ fn scenes_stay_on_the_device() {
     }
 }
 
+/// A scene of over 64 MiB is sent in parts, and its image is that of the host.
+#[test]
+fn large_scenes_are_sent_in_parts() {
+    if !alone(large_scenes_are_sent_in_parts) {
+        return;
+    }
+    const SIZE: [usize; 3] = [1_500, 4_000, 3];
+    let image = |device: &Device| {
+        let texel = |i: usize| 1.0 + (i as f32 * 2e-6).sin();
+        let texels = (0..SIZE.iter().product()).map(texel);
+        let texels = Tensor::<1>::from_floats(&*texels.collect::<Vec<f32>>(), device);
+        let scene = Scene::new()
+            .with(diffuse(floor(2.0, -0.6, device), [0.5, 0.4, 0.3]))
+            .environment(Environment::map(texels.reshape(SIZE)));
+        let camera = Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]);
+        let options = RenderOptions::new(8, 8).samples(4).bounces(1);
+        let before = work();
+        let image = render(&scene, &camera, &options).expect("an image");
+        (values(&image.radiance), (work() - before).uploads)
+    };
+    let ((found, uploads), (wanted, _)) = (image(&device()), image(&Device::flex()));
+    assert!(uploads >= 2, "{uploads}");
+    let apart = apart(&found, &wanted);
+    assert!(apart < 1e-5, "{apart:e}");
+}
+
 /// Points that make as many searches for edges are in one warp: few lanes wait.
 #[test]
 fn searches_fill_their_lanes() {
