@@ -13,7 +13,7 @@ use crate::kernel::{DrawnEdge, NO_EDGE, Root, draw_edge};
 use crate::model::Pair;
 use crate::model::bsdf::normals_differ;
 use crate::model::choice::decided_by;
-use crate::model::jumps::{SEARCH_SETS, searches};
+use crate::model::jumps::{SEARCH_SETS, mean_searches, most_searches, usual_searches};
 use crate::sampling::{Dimensions, Four, Stream};
 use crate::trace::{
     Approach, EdgeView, Jump, NONE, OF_EDGES, OF_SIDES, Observer, PointGradient, Scene, Search,
@@ -21,11 +21,19 @@ use crate::trace::{
     point_at, reflected_backward, sampler, search, shadow_backward, sky,
 };
 
+/// How many searches a point that counts for so much makes on average.
+#[cube]
+pub(super) fn searches_of(scene: &Scene, counts: f32, #[comptime] of_light: bool) -> f32 {
+    mean_searches(usual_searches(of_light, scene.samples_log), counts)
+}
+
 /// The searches that a point may make, one after another: for edges of shadows of emitters, or for edges that it reflects.
 #[apply(record!)]
 pub(super) struct Searches {
     /// Those so far.
     before: u32,
+    /// How many are made on average.
+    mean: f32,
     /// Whether there is another one, one of so many, and its random numbers.
     pub made: bool,
     pub count: u32,
@@ -35,12 +43,13 @@ pub(super) struct Searches {
 
 #[cube]
 impl Searches {
-    /// Before the first of a point of a path which counts for so much.
-    pub fn new(counts: f32, #[comptime] of_light: bool) -> Searches {
+    /// Before the first of a point of a path which makes so many on average.
+    pub fn new(mean: f32) -> Searches {
         Searches {
             before: 0u32,
             made: false,
-            count: searches(of_light, counts),
+            mean,
+            count: most_searches(mean),
             drawn: Four::default(),
             more: Four::default(),
         }
@@ -52,9 +61,9 @@ impl Searches {
         scene: &Scene,
         numbers: &Stream,
         bounce: u32,
-        counts: f32,
         #[comptime] of_light: bool,
     ) {
+        let chance = self.mean / self.count as f32;
         self.made = false;
         while self.before < self.count && !self.made {
             let set = 3 * bounce + SEARCH_SETS * self.before;
@@ -67,7 +76,7 @@ impl Searches {
                 self.drawn = numbers.draw(scene.points, Dimensions::of_set(set + 2));
                 u = self.drawn.x;
             }
-            self.made = looks_for_edges(scene, bounce, counts, self.count, of_light, u);
+            self.made = looks_for_edges(scene, bounce, chance, of_light, u);
             self.before += 1;
         }
     }
@@ -104,9 +113,9 @@ pub(super) fn jumps_seen_from(
     let edges = edge_room.as_mut_slice();
     let numbers = sampler(scene, OF_EDGES).stream(path.numbers.pixel, path.numbers.sample);
     let time = path.time;
-    let (bounce, counts) = (observer.bounce, observer.counts);
-    let mut all = Searches::new(counts, of_light);
-    all.next(scene, &numbers, bounce, counts, of_light);
+    let bounce = observer.bounce;
+    let mut all = Searches::new(observer.searches);
+    all.next(scene, &numbers, bounce, of_light);
     while all.made {
         let o: Observer = observer.part(all.count);
         let choice = memory.choice.as_mut_slice();
@@ -132,7 +141,7 @@ pub(super) fn jumps_seen_from(
                 k += 1;
             }
         }
-        all.next(scene, &numbers, bounce, counts, of_light);
+        all.next(scene, &numbers, bounce, of_light);
     }
 }
 

@@ -41,9 +41,9 @@ impl Loss {
     }
 
     /// What a point of a path counts for by the derivative that it carries.
-    pub fn counts_of(&self, scene: &Scene, view: u32, carried: V3) -> f32 {
+    pub fn counts_of(&self, view: u32, carried: V3) -> f32 {
         let typical = self.scales[TYPICAL + view as usize] * self.scale;
-        counts_of(carried, typical.max(1e-37), scene.samples_log)
+        counts_of(carried, typical.max(1e-37))
     }
 
     fn vector(&self, at: usize) -> V3 {

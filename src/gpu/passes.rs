@@ -7,7 +7,7 @@ use super::backward::path_backward;
 use super::camera::begin;
 use super::hit::Memory;
 use super::job::Paths;
-use super::jumps::jumps_seen_from;
+use super::jumps::{jumps_seen_from, searches_of};
 use super::loss::Loss;
 use super::path::path_light;
 use super::records::{OF_TRIANGLE, Room};
@@ -100,8 +100,7 @@ pub(super) fn add_jumps(
             bounce: k,
             moves: moves_at(&scene, records, room, k, sums.of),
             carried,
-            counts: loss.counts_of(&scene, which.view, carried),
-            searches: 1u32.runtime(),
+            searches: searches_of(&scene, loss.counts_of(which.view, carried), of_light),
         };
         let mut by = PointGradient::default();
         room.add_jumped(records, k, &mut by);

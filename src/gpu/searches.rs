@@ -5,7 +5,7 @@ use crate::cube::*;
 
 use super::device::GROUP;
 use super::job::Paths;
-use super::jumps::Searches;
+use super::jumps::{Searches, searches_of};
 use super::loss::Loss;
 use super::records::Room;
 use crate::model::numbers::is_nonzero;
@@ -22,11 +22,11 @@ fn count(
     #[comptime] of_light: bool,
 ) -> u32 {
     let mut count = 0u32;
-    let mut all = Searches::new(counts, of_light);
-    all.next(scene, numbers, bounce, counts, of_light);
+    let mut all = Searches::new(searches_of(scene, counts, of_light));
+    all.next(scene, numbers, bounce, of_light);
     while all.made {
         count += 1;
-        all.next(scene, numbers, bounce, counts, of_light);
+        all.next(scene, numbers, bounce, of_light);
     }
     count
 }
@@ -164,7 +164,7 @@ pub(super) fn count_searches(paths: Paths, loss: Loss, records: &mut [u32], poin
     if is_nonzero(g.size()) && k < records[room.points()] {
         let arrival = room.arrival(records, k);
         let carried = g.radiance.times(arrival.throughput);
-        let counts = loss.counts_of(&scene, which.view, carried);
+        let counts = loss.counts_of(which.view, carried);
         let bits = scene.bits_of(scene.material_of(arrival.triangle));
         if counts > 0.0 && bits & REFLECTS != 0 {
             let numbers = sampler(&scene, OF_EDGES).stream(which.pixel, which.sample);

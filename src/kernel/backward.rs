@@ -22,6 +22,8 @@ pub(super) struct Return<'a> {
     pub upstream: &'a [&'a Seen],
     /// How much the loss depends on a camera ray's light on average.
     pub typical: f32,
+    /// How many searches for edges of each kind a point makes that counts as much as a camera ray does on average.
+    pub searches: [f32; 2],
     pub sums: &'a Sums<'a>,
 }
 
@@ -43,6 +45,7 @@ impl Return<'_> {
 
     /// Goes back along the paths: adds the derivatives of the light that each brought, times its part of the loss's.
     pub fn go_back(&self, work: &mut Work) {
+        work.yields.paths += std::mem::take(&mut work.counts.rays) as f64;
         let mut back = std::mem::take(&mut work.back);
         let walks = self.walks;
         let jumps = self.wanted.of.jumps;
@@ -72,6 +75,7 @@ impl Return<'_> {
             points_backward(self, level, at == 0, &mut back);
         }
         cameras_backward(self, &back);
+        work.counts.rays = 0;
         work.back = back;
     }
 }

@@ -4,7 +4,8 @@
 //! `scene` holds a scene's lists, made of `lists` of triangles, `view` adds a camera and settings. `walk` holds
 //! blocks of paths and the levels that they come to; `path` traces them forward with direct light of `direct`, and
 //! `eights` computes steps of matt surfaces for eight at once; `backward` goes back over the levels. `edges` finds and draws edges at
-//! which visibility jumps, `boundary` traces what the jumps contribute. `gradient` holds the sums of derivatives, `tasks`
+//! which visibility jumps, `boundary` traces what the jumps contribute,
+//! and `shares` says how many samples it takes. `gradient` holds the sums of derivatives, `tasks`
 //! renders the pixels of a core.
 
 mod backward;
@@ -16,6 +17,7 @@ mod gradient;
 mod lists;
 mod path;
 mod scene;
+mod shares;
 mod tasks;
 #[cfg(test)]
 mod tests;
@@ -32,6 +34,7 @@ pub(crate) use edges::{EdgeSets, LastEdges};
 pub(crate) use gradient::Rows;
 pub(crate) use gradient::{HostSums, Wanted};
 pub(crate) use scene::KernelScene;
+pub(crate) use shares::{ON_FILM, Yields};
 pub(crate) use tasks::Counted;
 pub(crate) use view::{View, ViewSettings};
 pub(crate) use walk::{RayCounts, Seen, Work};

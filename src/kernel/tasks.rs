@@ -90,11 +90,13 @@ impl View {
     }
 
     /// Adds the derivatives of sums over samples of pixels, each times the derivative of the loss by it.
-    /// `typical` is their mean over the image ([`View::typical`]).
+    /// `typical` is their mean over the image ([`View::typical`]), and `searches` are those for edges of each kind by a
+    /// point that counts as much.
     pub fn backward(
         &self,
         pixels: &[(u32, Seen)],
         typical: f32,
+        searches: [f32; 2],
         samples: Range<u32>,
         work: &mut Work,
         sums: &mut HostSums,
@@ -114,6 +116,7 @@ impl View {
                 walks,
                 upstream: &upstream,
                 typical,
+                searches,
                 sums,
             };
             back.go_back(work);

@@ -3,6 +3,7 @@
 use std::ops::Deref;
 
 use super::eights::Eight;
+use super::shares::Yields;
 use super::view::Tracer;
 use crate::accel::{Hit, HitRay, NOTHING};
 use crate::lanes::Block;
@@ -297,6 +298,8 @@ pub(crate) struct Work {
     pub(super) side_lights: Vec<Option<Seen>>,
     pub(super) back: Back,
     pub(crate) counts: RayCounts,
+    /// What backward passes cost, and how much samples of edges vary.
+    pub(crate) yields: Yields,
 }
 
 /// Derivatives on the way back, one a lane.

@@ -14,7 +14,7 @@ pub(crate) const NEIGHBOURS: f32 = 0.1;
 pub(crate) const BLOCK: u32 = 128;
 
 /// The most samples of edges that a film is given.
-const MOST: u32 = 1_000_000_000;
+pub(crate) const MOST: u32 = 1_000_000_000;
 
 /// Samples of edges on the film for so many pixels that a loss depends on, and samples of each: one for two paths, for four
 /// where a pixel has few ([`FEW_SAMPLES`]), and a thousand, which take no time, where paths are few.

@@ -27,37 +27,34 @@ const BESIDE: f32 = 2e-5;
 const NOTHING: u32 = u32::MAX;
 
 /// What a point counts for: the sum of the channels of the derivative that it carries, over the typical one of a camera
-/// ray, by how many samples a pixel has (log₂).
+/// ray.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn counts_of(carried: V3, typical: f32, samples_log: u32) -> f32 {
-    let counts = carried.abs().element_sum() / typical;
-    select(samples_log <= FEW_SAMPLES, counts * 0.5, counts)
+pub(crate) fn counts_of(carried: V3, typical: f32) -> f32 {
+    carried.abs().element_sum() / typical
 }
 
-/// The mean number of searches of a point that counts for so much of an average camera ray.
+/// How many searches a point that counts as much as a camera ray does on average makes, where a pixel has so many samples
+/// (log₂) and nothing better is known.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-fn mean_searches(of_light: bool, counts: f32) -> f32 {
-    let mut rate = OF_REFLECTED.runtime();
-    if of_light {
-        rate = OF_SHADOWS.runtime();
-    }
-    rate * counts.max(LEAST)
+pub(crate) fn usual_searches(of_light: bool, samples_log: u32) -> f32 {
+    let rate = select(of_light, OF_SHADOWS, OF_REFLECTED);
+    select(samples_log <= FEW_SAMPLES, rate * 0.5, rate)
 }
 
-/// The most searches of such a point.
+/// The mean number of searches of a point, by that of one which counts as much as a camera ray does on average.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn searches(of_light: bool, counts: f32) -> u32 {
-    mean_searches(of_light, counts).min(MOST_SEARCHES).ceil() as u32
+pub(crate) fn mean_searches(usual: f32, counts: f32) -> f32 {
+    usual * counts.max(LEAST)
 }
 
-/// The probability with which each of so many searches is made.
+/// The most searches of a point that makes so many on average.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
-pub(crate) fn probability(of_light: bool, counts: f32, searches: u32) -> f32 {
-    (mean_searches(of_light, counts) / searches as f32).min(1.0)
+pub(crate) fn most_searches(mean: f32) -> u32 {
+    mean.min(MOST_SEARCHES).ceil() as u32
 }
 
 /// The search in the cone that a group of emitters fills, widened by that of the rays; in the hemisphere if it is
@@ -264,11 +261,14 @@ mod tests {
     #[test]
     fn points_make_as_many_searches_as_they_count_for() {
         for of_light in [true, false] {
+            let usual = usual_searches(of_light, FEW_SAMPLES + 1);
+            assert_eq!(usual_searches(of_light, FEW_SAMPLES), 0.5 * usual);
             for counts in [1e-6, 0.05, 0.3, 1.0, 2.0, 3.7, 16.0, 1e30, f32::INFINITY] {
-                let most = searches(of_light, counts);
-                let mean = most as f32 * probability(of_light, counts, most);
-                let wanted = mean_searches(of_light, counts).min(MOST_SEARCHES);
+                let wanted = mean_searches(usual, counts);
+                let most = most_searches(wanted);
                 assert!((1..=MOST_SEARCHES as u32).contains(&most), "{counts}");
+                let mean = most as f32 * (wanted / most as f32).min(1.0);
+                let wanted = wanted.min(MOST_SEARCHES);
                 assert!((mean - wanted).abs() <= 1e-6 * wanted, "{counts}: {mean}");
             }
         }

@@ -9,7 +9,7 @@ use super::surface::{Point, receiver_of};
 use crate::model::V3;
 use crate::model::bsdf::Lobe;
 use crate::model::edge_weight::Query;
-use crate::model::jumps::{LobeSearch, of_lobe, probability, towards_group, towards_light};
+use crate::model::jumps::{LobeSearch, of_lobe, towards_group, towards_light};
 use crate::model::lists::vector;
 use crate::sampling::{Four, Receiver};
 
@@ -22,20 +22,18 @@ pub(crate) struct Observer {
     pub moves: bool,
     /// The derivative of the loss by the light that leaves it, times the path's throughput: what a search has of it.
     pub carried: V3,
-    /// What it counts for (`counts_of`), in all of its searches.
-    pub counts: f32,
-    /// The most searches that it makes.
-    pub searches: u32,
+    /// How many searches it makes on average.
+    pub searches: f32,
 }
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Observer {
     /// It in each of so many searches.
     #[inline(always)]
-    pub fn part(self, searches: u32) -> Observer {
+    pub fn part(self, most: u32) -> Observer {
         let mut part = self;
-        part.carried = part.carried * (1.0 / searches as f32);
-        part.searches = searches;
+        part.carried = part.carried * (1.0 / most as f32);
+        part.searches = part.searches / most as f32;
         part
     }
 }
@@ -64,20 +62,20 @@ pub(crate) struct Search {
     pub is_light: bool,
 }
 
-/// Whether a search for an edge of the light of emitters, or of reflected light, is made, by a uniform number.
+/// Whether one of the searches of a point is made, for an edge of the light of emitters or of reflected light, by a uniform
+/// number. It makes `searches` on average, 1 if more.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn looks_for_edges(
     scene: &Scene,
     bounce: u32,
-    counts: f32,
-    searches: u32,
+    searches: f32,
     of_light: bool,
     u: f32,
 ) -> bool {
     // At the end of a path only the environment is seen.
     let sees = comptime!(scene.features.sees_sky || scene.features.gathers_map);
-    u < probability(of_light, counts, searches) && (of_light || bounce < scene.bounces || sees)
+    u < searches.min(1.0) && (of_light || bounce < scene.bounces || sees)
 }
 
 /// A search for an edge of the light of emitters, or of reflected light, by four uniform numbers; of light by two more.
@@ -94,6 +92,7 @@ pub(crate) fn search(
     room: &mut [u32],
     sums: &Sums,
 ) -> Search {
+    let rate = o.searches.min(1.0);
     let x = o.point.position;
     let shading = o.point.shading;
     let tangent = scene.settings[CONE];
@@ -115,8 +114,7 @@ pub(crate) fn search(
     };
     if of_light {
         if comptime!(scene.features.emitters) {
-            let rate = probability(true, o.counts, o.searches);
-            s.asked = looks_for_edges(scene, o.bounce, o.counts, o.searches, true, more.y);
+            s.asked = looks_for_edges(scene, o.bounce, o.searches, true, more.y);
             s.cone_v = more.x;
             if s.asked {
                 let at: Receiver = receiver_of(&o.point, time);
@@ -143,8 +141,7 @@ pub(crate) fn search(
             }
         }
     } else {
-        let rate = probability(false, o.counts, o.searches);
-        s.asked = looks_for_edges(scene, o.bounce, o.counts, o.searches, false, drawn.x);
+        s.asked = looks_for_edges(scene, o.bounce, o.searches, false, drawn.x);
         if comptime!(sums.of.turns) {
             s.moves = true;
         }

@@ -95,8 +95,9 @@ impl FilmPoint {
     }
 
     /// Adds the derivatives by the jump from one side to the other, of a loss that depends on what is seen.
+    /// Returns the square of that by the edge's point.
     #[inline(always)]
-    pub fn backward(&self, scene: &Scene, sums: &Sums, c: &Camera, jump: f32, time: f32) {
+    pub fn backward(&self, scene: &Scene, sums: &Sums, c: &Camera, jump: f32, time: f32) -> f32 {
         let mut by_camera = CameraGradient::default();
         let scale = jump * self.point.per_density;
         let by_film = v2(self.along.y * scale, -self.along.x * scale);
@@ -109,5 +110,6 @@ impl FilmPoint {
             add_to_camera(sums, &by_camera);
         }
         add_to_edge(scene, sums, &self.point, by_point, time);
+        by_point.length_squared()
     }
 }

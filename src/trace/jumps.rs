@@ -131,7 +131,7 @@ impl EdgeView {
         found
     }
 
-    /// Adds the derivatives by the edge's point and by the point that sees it.
+    /// Adds the derivatives by the edge's point and by the point that sees it. Returns the square of the former.
     #[inline(always)]
     fn backward(
         &self,
@@ -142,14 +142,17 @@ impl EdgeView {
         scale: f32,
         time: f32,
         by: &mut PointGradient,
-    ) {
+    ) -> f32 {
+        let mut square = 0.0f32;
         if is_nonzero(scale) {
             let normal = o.point.shading.geometric;
             let p = self.point;
             let by_to = jump.motion.by_point(p.to, normal, scale, &mut by.geometric);
             by.position -= by_to;
             add_to_edge(scene, sums, &p, by_to, time);
+            square = by_to.length_squared();
         }
+        square
     }
 }
 
@@ -234,7 +237,8 @@ pub(crate) fn jump_at(scene: &Scene, o: &Observer, s: &Search, e: &EdgeView, k: 
     jump
 }
 
-/// Adds the derivatives by the jump of an emitter's light that nothing else hides.
+/// Adds the derivatives by the jump of an emitter's light that nothing else hides. Returns the square of that by the edge's
+/// point.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn shadow_backward(
@@ -246,7 +250,7 @@ pub(crate) fn shadow_backward(
     jump: &Jump,
     time: f32,
     by: &mut PointGradient,
-) {
+) -> f32 {
     let light = jump.light;
     let scale = e.carried.dot(light.emission) * jump.sign;
     let by_axis = jump.motion.edge.by_axis * scale;
@@ -266,11 +270,11 @@ pub(crate) fn shadow_backward(
             scene.add_to_corners(sums, light.triangle, light.weights, by_to, time);
         }
     }
-    e.backward(scene, sums, o, jump, scale, time, by);
+    e.backward(scene, sums, o, jump, scale, time, by)
 }
 
 /// Adds the derivatives by the jump of light that is reflected, or comes from the environment: what is seen on the −
-/// side of the edge less what is on the + side.
+/// side of the edge less what is on the + side. Returns the square of that by the edge's point.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn reflected_backward(
@@ -283,7 +287,7 @@ pub(crate) fn reflected_backward(
     light: &Seen,
     time: f32,
     by: &mut PointGradient,
-) {
+) -> f32 {
     let shading = o.point.shading;
     let mut scale = e.carried.dot(light.radiance);
     if is_nonzero(scale) {
@@ -295,5 +299,5 @@ pub(crate) fn reflected_backward(
         // Directions to a map stay where they are.
         scale -= e.carried.dot(sky(scene, e.axis)) * light.opacity;
     }
-    e.backward(scene, sums, o, jump, scale, time, by);
+    e.backward(scene, sums, o, jump, scale, time, by)
 }

@@ -10,3 +10,4 @@ mod engines;
 mod memory;
 mod replay;
 mod shadow;
+mod shares;

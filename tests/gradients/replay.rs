@@ -39,8 +39,9 @@ fn forms() -> [Visibility; 2] {
 #[test]
 fn any_loss_and_any_threads() {
     for form in forms() {
+        // So many paths that those of an eighth of the pixels say how many samples edges are given.
         let options = RenderOptions::new(24, 24)
-            .samples(8)
+            .samples(16)
             .bounces(1)
             .visibility(form)
             .with_opacity()

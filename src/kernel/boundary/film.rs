@@ -8,11 +8,12 @@ use std::ops::Range;
 
 use macro_rules_attribute::apply;
 
+use super::beside::light_beside;
 use super::film_edges::FilmEdges;
-use super::jumps::light_beside;
 use super::pieces::PixelGradients;
 use crate::accel::stage;
 use crate::kernel::gradient::HostSums;
+use crate::kernel::shares::ON_FILM as FILM;
 use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Path, Seen, TOGETHER, Work};
 use crate::sampling::{Dimensions, Stream};
@@ -85,19 +86,27 @@ fn draw<'a>(view: &'a Tracer<'a>, film: &'a FilmSamples<'a>, samples: Range<u32>
     asked
 }
 
-/// Adds the derivatives by jumps at points of edges on the film.
+/// Adds the derivatives by jumps at points of edges on the film. Returns the sum of the squares of those by these points.
 #[apply(stage!)]
-fn backward<'a>(view: &'a Tracer<'a>, asked: &'a Asked<'a>, work: &'a Work, sums: &'a Sums<'a>) {
+fn backward<'a>(
+    view: &'a Tracer<'a>,
+    asked: &'a Asked<'a>,
+    work: &'a Work,
+    sums: &'a Sums<'a>,
+) -> f64 {
+    let mut squares = 0.0;
     let points = asked.points.iter().zip(&asked.paths);
     for (((point, g), path), light) in points.zip(&work.side_lights) {
         if let Some(light) = light {
             let jump = g.jump(light);
             let scale = jump * point.point.per_density;
             if scale.is_finite() && scale != 0.0 {
-                point.backward(&view.lists, sums, &view.camera, jump, path.time);
+                let square = point.backward(&view.lists, sums, &view.camera, jump, path.time);
+                squares += f64::from(square);
             }
         }
     }
+    squares
 }
 
 impl View {
@@ -121,8 +130,11 @@ impl View {
             let past = range.end.min(from.saturating_add(TOGETHER as u32));
             let asked = draw(&tracer, &film, from..past);
             let paths = (&*asked.paths, &*asked.cones);
-            light_beside(&tracer, &asked.approaches, paths, Some(0), true, work);
-            backward(&tracer, &asked, work, &sums);
+            let rays = light_beside(&tracer, &asked.approaches, paths, Some(0), true, work);
+            let squares = backward(&tracer, &asked, work, &sums);
+            let of = &mut work.yields.edges[FILM];
+            of.add(squares, rays);
+            of.searches += f64::from(past - from);
         }
     }
 }

@@ -2,9 +2,10 @@
 //!
 //! Where a path looks at light, an edge that lies in between makes the integrand jump, and where the edge
 //! moves, the integral changes by the jump. So at points of a path an edge is drawn that can be seen from
-//! there, a point of it and the light that arrives beside it on either side (`jumps`): light of emitters, of delta
-//! lights, of surfaces and of the environment. Edges that the camera sees are drawn on the film (`film`).
+//! there and a point of it (`jumps`), and the light that arrives beside it on either side is found (`beside`): that of
+//! emitters, of delta lights, of surfaces and of the environment. Edges that the camera sees are drawn on the film (`film`).
 
+mod beside;
 mod film;
 mod film_edges;
 mod jumps;
