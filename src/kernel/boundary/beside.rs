@@ -14,7 +14,7 @@ use crate::trace::{Approach, Point, Seen, beside, emitted, hides, is_crease, poi
 impl Approach {
     /// A ray past the edge, which does not see its faces.
     #[inline(always)]
-    fn ray(&self, time: f32, limit: f32) -> HitRay {
+    pub(super) fn ray(&self, time: f32, limit: f32) -> HitRay {
         let faces = self.point.faces;
         HitRay {
             unseen: [faces.a, faces.b, faces.c, faces.d],
