@@ -49,7 +49,7 @@ fn scene(device: &Device) -> Scene {
         .collect();
     let squares = Tensor::from_data(TensorData::new(squares, [40, 40, 3]), device);
     let mut scene = Scene::new()
-        .with(Object::new(floor).material(Material::diffuse(Albedo::texture(squares))))
+        .with(Object::new(floor).material(Material::diffuse(ColorTexture::texture(squares))))
         .environment([0.8, 0.85, 0.9]);
     for (i, colour) in colours.into_iter().enumerate() {
         let i = i as f32;

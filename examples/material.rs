@@ -1,4 +1,4 @@
-//! Albedo, specular albedo and shininess of a ball from one image of it under two lights.
+//! ColorTexture, specular albedo and shininess of a ball from one image of it under two lights.
 
 pub(crate) mod common;
 
@@ -41,7 +41,7 @@ fn scene(diffuse: Tensor<1>, specular: Tensor<1>, exponent: Tensor<1>, device: &
             .material(Material::emitter([strength, strength, strength]))
     };
     Scene::new()
-        .with(Object::new(ball).material(Material::diffuse(diffuse).specular(specular, exponent)))
+        .with(Object::new(ball).material(Material::phong(diffuse, specular, exponent)))
         .with(light(-1.8, 9.0))
         .with(light(1.8, 6.0))
         .environment([0.15, 0.15, 0.15])
@@ -67,7 +67,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 
     let study = Study::new(
         "material",
-        "Albedo, gloss and shininess",
+        "ColorTexture, gloss and shininess",
         arguments,
         arguments.either(250, 400),
     );

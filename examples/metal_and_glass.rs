@@ -42,14 +42,14 @@ fn sky(device: &Device) -> Tensor<3> {
 }
 
 /// Squares of two colours.
-fn squares(device: &Device) -> Albedo {
+fn squares(device: &Device) -> ColorTexture {
     let n = 64;
     let texel = |i: usize| match (i / n / 8 + i % n / 8) % 2 {
         0 => [0.55, 0.5, 0.45],
         _ => [0.12, 0.14, 0.18],
     };
     let texels: Vec<f64> = (0..n * n).flat_map(texel).collect();
-    Albedo::texture(Tensor::from_data(
+    ColorTexture::texture(Tensor::from_data(
         TensorData::new(texels, [n, n, 3]),
         device,
     ))

@@ -36,7 +36,7 @@ fn scene(offset: Tensor<1>, device: &Device) -> Scene {
         .with(
             Object::new(mirror)
                 .named("mirror")
-                .material(Material::diffuse([0.02, 0.02, 0.02]).specular([0.9, 0.9, 0.9], 1500.0)),
+                .material(Material::phong([0.02, 0.02, 0.02], [0.9, 0.9, 0.9], 1500.0)),
         )
         .with(
             Object::new(body)

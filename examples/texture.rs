@@ -89,7 +89,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let mesh = ball(24, 12, &device);
     let scene = |texels: Tensor<3>| {
         Scene::new()
-            .with(Object::new(mesh.clone()).material(Material::diffuse(Albedo::texture(texels))))
+            .with(
+                Object::new(mesh.clone())
+                    .material(Material::diffuse(ColorTexture::texture(texels))),
+            )
             .environment([1.0, 1.0, 1.0])
     };
     let cameras = cameras();

@@ -1,8 +1,8 @@
-//! Functions that are Rust on the host, and with the feature `wgpu` kernels of GPUs in CubeCL as well: they have the
-//! attribute `cube`, and their arguments are structs with `#[apply(record!)]`, or `#[apply(zeroed!)]` if both languages
-//! begin them as zeros, by `default()`.
+//! Functions that run as Rust on the host and, with the feature `wgpu`, as GPU kernels in CubeCL. They have the
+//! attribute `cube`. Their arguments are structs with `#[apply(record!)]`, or with `#[apply(zeroed!)]` if `default()`
+//! sets them to zeros in both languages.
 //!
-//! CubeCL compiles a subset of Rust: plain structs and slices, no early returns, closures or arrays.
+//! CubeCL compiles a subset of Rust: plain structs and slices, without early returns, closures or arrays.
 
 pub(crate) use macro_rules_attribute::{apply, attribute_alias};
 
@@ -22,11 +22,11 @@ attribute_alias! {
 
 #[cfg(feature = "wgpu")]
 attribute_alias! {
-    // Arguments of kernels, lists and numbers together.
+    // Arguments of kernels: lists and numbers together.
     #[apply(argument!)] = #[derive(CubeType, CubeLaunch, Clone, Copy)] #[expand(derive(Clone, Copy))];
 }
 
-/// Makes a type one of fields that kernels are compiled for (`cube(comptime)`): in their language it stays what it is.
+/// Allows a type in fields that are constants of a kernel's compilation (`cube(comptime)`). The type expands to itself.
 macro_rules! known_to_kernels {
     ($type:ty) => {
         #[cfg(feature = "wgpu")]
@@ -55,7 +55,7 @@ macro_rules! known_to_kernels {
 }
 pub(crate) use known_to_kernels;
 
-/// A condition that a kernel is compiled for; on the host it is one like others.
+/// A condition that is evaluated when a kernel is compiled. On the host it is an ordinary condition.
 #[cfg(not(feature = "wgpu"))]
 macro_rules! comptime {
     ($condition:expr) => {
@@ -65,7 +65,7 @@ macro_rules! comptime {
 #[cfg(not(feature = "wgpu"))]
 pub(crate) use comptime;
 
-/// A constant that a kernel may change later; on the host all may.
+/// Turns a constant into a variable of a kernel. On the host this returns the value itself.
 #[cfg(not(feature = "wgpu"))]
 pub(crate) trait Runtime: Sized {
     fn runtime(self) -> Self {
@@ -76,13 +76,13 @@ pub(crate) trait Runtime: Sized {
 #[cfg(not(feature = "wgpu"))]
 impl<T: Copy> Runtime for T {}
 
-/// The first of two values under a condition, else the second. Kernels choose without a branch, so neither may fail.
+/// Returns `a` if the condition is true, otherwise `b`. Kernels evaluate both without a branch, so neither may fail.
 #[inline(always)]
 pub(crate) fn select<T>(condition: bool, a: T, b: T) -> T {
     if condition { a } else { b }
 }
 
-/// In a kernel.
+/// The expansion of `select` in kernels.
 #[cfg(feature = "wgpu")]
 pub(crate) mod select {
     pub(crate) use burn::cubecl::prelude::select::expand;

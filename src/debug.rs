@@ -8,10 +8,10 @@ use burn::tensor::{DType, Device, Tensor};
 
 use crate::device;
 
-/// The most numbers of a list that are all shown.
+/// The largest number of values for which a list is shown in full.
 const FEW: usize = 12;
 
-/// A text that is shown as it is, without quotes.
+/// A text that is shown without quotes.
 pub(crate) struct Text(pub String);
 
 impl fmt::Debug for Text {
@@ -20,8 +20,8 @@ impl fmt::Debug for Text {
     }
 }
 
-/// Shows a tensor by its values if it is a short list, else by its shape and device, and whether it is in a
-/// graph. At most a few numbers are read from the device.
+/// Formats a tensor by its values if it is a short list, otherwise by its shape and device, and whether it is tracked.
+/// At most a few numbers are read from the device.
 pub(crate) fn tensor<const D: usize>(t: &Tensor<D>) -> Text {
     let graph = graph(t);
     Text(match short_list(t) {
@@ -30,13 +30,13 @@ pub(crate) fn tensor<const D: usize>(t: &Tensor<D>) -> Text {
     })
 }
 
-/// A tensor of any kind by its shape and device.
+/// Formats a tensor of any kind by its shape and device.
 pub(crate) fn shape<const D: usize, K: Basic>(t: &Tensor<D, K>) -> Text {
     let device = device::label(&t.device());
     Text(format!("{:?} on {device}", t.dims()))
 }
 
-/// Shows the parameter of a module. One that is not initialised yet stays so.
+/// Formats the parameter of a module. A parameter that is not initialized yet stays uninitialized.
 pub(crate) fn parameter<const D: usize>(p: &Param<Tensor<D>>) -> Text {
     if p.is_initialized() {
         tensor(&p.val())
@@ -45,7 +45,7 @@ pub(crate) fn parameter<const D: usize>(p: &Param<Tensor<D>>) -> Text {
     }
 }
 
-/// Shows numbers, or their count, least and largest.
+/// Formats numbers, or the count, minimum and maximum of a long list.
 pub(crate) fn numbers(list: impl ExactSizeIterator<Item = f64> + Clone) -> Text {
     let count = list.len();
     if count <= FEW {
@@ -65,12 +65,12 @@ pub(crate) fn numbers(list: impl ExactSizeIterator<Item = f64> + Clone) -> Text 
     })
 }
 
-/// The text that follows a value that is in a graph.
+/// The text that follows a tracked tensor.
 pub(crate) fn graph<const D: usize>(t: &Tensor<D>) -> &'static str {
     if t.is_tracked() { " in the graph" } else { "" }
 }
 
-/// A device, with the float type where it is not the usual one.
+/// A device, with the float type if it is not f32.
 pub(crate) fn place(device: &Device, dtype: DType) -> String {
     let device = device::label(device);
     match dtype {
@@ -79,14 +79,14 @@ pub(crate) fn place(device: &Device, dtype: DType) -> String {
     }
 }
 
-/// The values of a short list as text; a single number without brackets.
+/// The values of a short list as text. A single number has no brackets.
 fn short_list<const D: usize>(t: &Tensor<D>) -> Option<String> {
     let count: usize = t.dims().iter().product();
     if D != 1 || count > FEW {
         return None;
     }
     let data = t.clone().inner().try_into_data().ok()?;
-    // As they are: 0.3 in f32 is 0.30000001192092896 in f64.
+    // In the tensor's own float type: 0.3 in f32 is 0.30000001192092896 in f64.
     let values: Vec<String> = match data.dtype() {
         DType::F64 => data.iter::<f64>().map(|v| format!("{v:?}")).collect(),
         _ => data.iter::<f32>().map(|v| format!("{v:?}")).collect(),

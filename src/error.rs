@@ -1,4 +1,4 @@
-//! The crate's error type: every message names the object, the field and the value at fault.
+//! The crate's error type. Every message names the object, the field and the invalid value.
 
 use std::path::{Path, PathBuf};
 
@@ -6,28 +6,28 @@ use burn::tensor::TensorReadError;
 
 /// An error of a scene, a file or a render.
 ///
-/// `{:?}` shows the same text as `{}`, so that a `main` that returns the error prints a sentence.
+/// `{:?}` shows the same text as `{}`, so a `main` that returns the error prints a sentence.
 #[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A value is outside of its range, or is NaN.
+    /// A value is NaN, outside of its range, or otherwise not valid.
     #[error("{object}: {field} is {value}, expected {expected}")]
     Invalid {
-        /// The object, camera or options at fault.
+        /// The object, camera or options with the invalid value.
         object: String,
-        /// The field at fault.
+        /// The field with the invalid value.
         field: String,
-        /// The value found.
+        /// The invalid value.
         value: String,
-        /// The values that are valid.
+        /// A description of the valid values.
         expected: String,
     },
     /// The scene has no triangle.
     #[error("{}", no_triangles(path.as_deref(), *objects))]
     NoTriangles {
-        /// The file that the scene was read from, if it was.
+        /// The file that contains the scene, if it was read from one.
         path: Option<PathBuf>,
-        /// The number of objects of the scene.
+        /// The number of objects in the scene.
         objects: usize,
     },
     /// A file can't be read or written.
@@ -35,7 +35,7 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// The error of the system.
+        /// The system's error.
         source: std::io::Error,
     },
     /// A file's contents are malformed.
@@ -43,7 +43,7 @@ pub enum Error {
     Format {
         /// The file.
         path: PathBuf,
-        /// A description of the mistake.
+        /// A description of the error.
         message: String,
     },
     /// A scene or view of a batch is not valid.
@@ -51,23 +51,23 @@ pub enum Error {
     InBatch {
         /// `scene` or `view`.
         part: &'static str,
-        /// Its index, from 0.
+        /// The index of the scene or view, from 0.
         index: usize,
-        /// A description of the mistake.
+        /// The error of the scene or view.
         source: Box<Error>,
     },
-    /// A device is not there, or can't do what a render takes.
+    /// A device is missing, or lacks a feature that a render needs.
     #[error("device {device}: {message}")]
     Device {
-        /// The device, as it was named.
+        /// The device's name.
         device: String,
-        /// A description of what it lacks, and what to do.
+        /// A description of the problem and of remedies.
         message: String,
     },
     /// A tensor can't be read back from its device.
     #[error("reading a tensor back from its device failed: {source}")]
     Read {
-        /// The error of burn.
+        /// burn's error.
         source: TensorReadError,
     },
 }
@@ -79,7 +79,7 @@ impl std::fmt::Debug for Error {
 }
 
 impl Error {
-    /// An [`Error::Invalid`] from anything printable.
+    /// Returns an [`Error::Invalid`] with printable values.
     pub(crate) fn invalid(
         object: impl Into<String>,
         field: impl Into<String>,
@@ -94,7 +94,7 @@ impl Error {
         }
     }
 
-    /// Nothing, or else an [`Error::Invalid`].
+    /// Returns an [`Error::Invalid`] unless `valid` is true.
     pub(crate) fn unless(
         valid: bool,
         object: &str,
@@ -108,13 +108,13 @@ impl Error {
         Err(Self::invalid(object, field, value, expected))
     }
 
-    /// An [`Error::Invalid`] unless a number is finite and above 0.
+    /// Returns an [`Error::Invalid`] unless a number is finite and above 0.
     pub(crate) fn unless_positive(object: &str, field: &str, value: f64) -> Result<()> {
         let valid = value.is_finite() && value > 0.0;
         Self::unless(valid, object, field, value, "a finite number > 0")
     }
 
-    /// An [`Error::Io`] of an operation on a file, for `map_err`.
+    /// Returns a function for `map_err` that makes an [`Error::Io`] for a file.
     pub(crate) fn io(path: &Path) -> impl Fn(std::io::Error) -> Self + Copy {
         |source| Self::Io {
             path: path.into(),
@@ -122,14 +122,14 @@ impl Error {
         }
     }
 
-    /// An [`Error::Read`] of an error of burn. It is no `From`: with a second one the compiler can't infer the
-    /// error type of closures that use `?`.
+    /// Returns an [`Error::Read`] with burn's error. This is not a `From` impl, since with a second one the compiler
+    /// can't infer the error type of closures that use `?`.
     pub(crate) fn read(source: impl Into<TensorReadError>) -> Self {
         let source = source.into();
         Self::Read { source }
     }
 
-    /// An [`Error::Device`].
+    /// Returns an [`Error::Device`].
     pub(crate) fn device(device: impl Into<String>, message: impl Into<String>) -> Self {
         Self::Device {
             device: device.into(),
@@ -137,7 +137,7 @@ impl Error {
         }
     }
 
-    /// An [`Error::Format`] for a file.
+    /// Returns an [`Error::Format`] for a file.
     pub(crate) fn format(path: impl Into<PathBuf>, message: impl Into<String>) -> Self {
         Self::Format {
             path: path.into(),
@@ -165,9 +165,9 @@ fn no_triangles(path: Option<&Path>, objects: usize) -> String {
     format!("{}: {missing}", path.display())
 }
 
-/// A list of names to choose from, for messages.
+/// Returns a list of valid names for error messages.
 pub(crate) fn one_of<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    /// The most names that are listed.
+    /// The maximum number of listed names.
     const MOST: usize = 16;
     let mut names = names.into_iter();
     let some: Vec<&str> = names.by_ref().take(MOST).collect();

@@ -1,25 +1,25 @@
-//! Records of many paths as structures of arrays, so that loops over them become code for several lanes at once.
+//! Records of many paths as structures of arrays, so that compilers vectorize loops over them.
 //!
-//! A struct with `#[apply(record!)]` is a [`Record`]: eight of it are [`Record::Lanes`], in which each number is an array.
-//! A stage of a path takes and returns records; a loop `for i in 0..LANES { out.set(i, stage(a.get(i))) }` over lanes, in a
-//! function that is inlined, is what compilers make vector instructions of, as long as the stage has no calls and no
-//! indices that are checked.
+//! A struct with `#[apply(record!)]` or `#[apply(zeroed!)]` is a [`Record`]. Eight records are stored in
+//! [`Record::Lanes`], in which each number is an array. A stage of a path takes and returns records. Compilers turn a
+//! loop `for i in 0..LANES { out.set(i, stage(a.get(i))) }` into vector instructions if it is in an inlined function
+//! and the stage has no calls and no checked indices.
 
-/// The records of a structure of arrays.
+/// The number of records in a structure of arrays.
 pub(crate) const LANES: usize = 8;
 
-/// A value of a path that has a form in lanes.
+/// A value of a path that can be stored in lanes.
 pub(crate) trait Record: Copy {
     type Lanes: Copy + Default;
 
-    /// The value of a lane.
+    /// Returns the value of lane `i` modulo [`LANES`].
     fn get(lanes: &Self::Lanes, i: usize) -> Self;
 
-    /// Sets the value of a lane.
+    /// Sets the value of lane `i` modulo [`LANES`].
     fn set(self, lanes: &mut Self::Lanes, i: usize);
 }
 
-/// Numbers have an array.
+/// Implements [`Record`] for numbers, which are stored in arrays.
 macro_rules! arrays {
     ($($number:ty),*) => {
         $(
@@ -42,7 +42,7 @@ macro_rules! arrays {
 
 arrays!(f32, u32, bool);
 
-/// Makes a struct a [`Record`].
+/// Implements [`Record`] for a struct.
 macro_rules! lanes {
     (
         $(#[$meta:meta])*
@@ -76,7 +76,7 @@ macro_rules! lanes {
 }
 pub(crate) use lanes;
 
-/// Records of any number of paths, eight in a structure of arrays and then the next eight.
+/// Records of any number of paths, stored in structures of arrays of eight records each.
 pub(crate) struct Block<T: Record> {
     eights: Vec<T::Lanes>,
 }
@@ -88,7 +88,7 @@ impl<T: Record> Default for Block<T> {
 }
 
 impl<T: Record> Block<T> {
-    /// Makes room for so many records.
+    /// Makes room for `len` records.
     #[inline(always)]
     pub fn reserve(&mut self, len: usize) {
         let eights = len.div_ceil(LANES);
@@ -107,7 +107,7 @@ impl<T: Record> Block<T> {
         value.set(&mut self.eights[i / LANES], i);
     }
 
-    /// The lanes of the record i.
+    /// Returns the lanes that contain record `i`.
     #[inline(always)]
     pub fn lanes(&self, i: usize) -> &T::Lanes {
         &self.eights[i / LANES]

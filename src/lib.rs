@@ -62,19 +62,22 @@ pub mod prelude {
     pub use burn::tensor::{Device, Tensor};
 
     pub use crate::io::{HostImage, LoadLimits, SceneFile};
+    pub use crate::loss;
     pub use crate::modules::{
         CameraParams, CameraParamsConfig, EnvironmentParams, MaterialParams, MaterialParamsConfig,
         MeshOffsets, MeshParams, NormalMapParams, RenderLoss, RenderLossConfig, Renderer,
         RigidTransform, RigidTransformConfig, TextureParams,
     };
     pub use crate::optim::BlurSchedule;
+    #[cfg(feature = "fit")]
+    pub use crate::optim::{Evaluation, Fit, Rate};
     pub use crate::render::{
         Batch, Diagnostics, EmitterSampling, Engine, HierarchyCache, Image, ImageBatch, Program,
         RenderOptions, Sampling, Sequence, Statistics, SurfaceSampling, Visibility, overview,
         render, render_batch, render_pixels,
     };
     pub use crate::scene::{
-        Albedo, Bounds, Bsdf, Camera, Environment, Light, Material, Mesh, Object, Parameter,
-        Projection, ScalarTexture, Scene, Transform, Wrap, shapes,
+        Bounds, Bsdf, Camera, ColorTexture, Environment, Light, Material, Mesh, Object, Parameter,
+        Projection, ScalarTexture, Scene, Transform, Wrap, cornell_box, shapes,
     };
 }

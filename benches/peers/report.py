@@ -23,8 +23,8 @@ def told(run):
     """Versions, machine and date of a run."""
     about = run["about"]
     versions = ", ".join(f"{k} {v}" for k, v in about["versions"].items() if k in ("softray", "mitsuba", "drjit", "rustc"))
-    load = f"load of other programs at the start {about['load at the start']}"
-    return f"{about['date']}, {about['machine']}, {about['cores']} cores; {versions}; {load}; {run['seconds']} s in all"
+    load = f"load average at the start {about['load at the start']}"
+    return f"{about['date']}, {about['machine']}, {about['cores']} cores; {versions}; {load}; {run['seconds']} s in total"
 
 
 results = Path(sys.argv[1]) if len(sys.argv) > 1 else common.HERE / "results"
@@ -47,7 +47,7 @@ for name in re.findall(r"<!-- begin (\w+) -->", text):
     if "earlier" in result:
         what = f"{', '.join(result['kept'])}: {told(result['earlier'])}. The others: {what}"
     if result["quick"]:
-        what += "; **a quick run, no numbers to cite**"
+        what += "; **a quick run, do not cite these numbers**"
     text = between(name, f"{section}\n\n*{what}.*", text)
 text = between("summary", "\n".join(first), text)
 page.write_text(text)

@@ -17,7 +17,7 @@ pub struct Item {
     pub shape: Shape,
     pub rotation: DQuat,
     pub translation: DVec3,
-    /// Albedo, RGB.
+    /// ColorTexture, RGB.
     pub colour: [f64; 3],
     pub light: Light,
     /// The first is [`Eye::INPUT`], the others are anywhere around.

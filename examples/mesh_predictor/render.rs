@@ -69,7 +69,7 @@ impl Light {
 pub const BODY: &str = "body";
 
 /// A body under a light.
-pub fn scene(body: Mesh, colour: impl Into<softray::scene::Albedo>, light: &Light) -> Scene {
+pub fn scene(body: Mesh, colour: impl Into<softray::scene::ColorTexture>, light: &Light) -> Scene {
     let device = body.vertices.device().inner();
     Scene::new()
         .with(

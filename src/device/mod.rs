@@ -1,4 +1,4 @@
-//! Devices by name, so that one program runs on CPU and GPU.
+//! Devices by name, so that one program can run on CPUs and GPUs.
 
 mod work;
 
@@ -16,15 +16,17 @@ pub use work::{Stage, Work, stages_of, work};
 pub(crate) use work::{count_launch, count_searches, count_upload, kernel};
 pub(crate) use work::{count_read_back, stage};
 
-/// The variable that names the device where a program is given none; burn's own.
+/// The environment variable with the default device of [`named`]. burn uses the same variable.
 pub const VARIABLE: &str = "BURN_DEVICE";
 
-/// Returns the device of a name: `flex`, `ndarray`, `wgpu` or `vulkan`. Without a name it is the one that the
-/// environment variable `BURN_DEVICE` names, or Flex if that is not set. The first GPU is taken
-/// unless a kind is named too: `wgpu:discrete`, `wgpu:integrated`, `wgpu:virtual` or `wgpu:cpu` (a
-/// software driver), likewise for `vulkan`; a number chooses among several: `wgpu:discrete:1`.
+/// Returns the device with a name: `flex`, `ndarray`, `wgpu` or `vulkan`.
 ///
-/// The device is without autodiff; parameters go to `device.autodiff()`, constants stay here.
+/// With `None` the name is the value of the environment variable `BURN_DEVICE`, or `flex` if that is not set. On `wgpu`
+/// and `vulkan` burn chooses the GPU (a high-power one if there is one) unless the name contains a kind:
+/// `wgpu:discrete`, `wgpu:integrated`, `wgpu:virtual` or `wgpu:cpu` (a software driver), and likewise for `vulkan`. A
+/// number selects one of several GPUs: `wgpu:discrete:1`. Case does not matter.
+///
+/// The device has no autodiff. Put parameters on `device.autodiff()` and constants on the device itself.
 ///
 /// ```
 /// let device = softray::device::named(Some("flex"))?;
@@ -33,8 +35,8 @@ pub const VARIABLE: &str = "BURN_DEVICE";
 /// ```
 ///
 /// # Errors
-/// If there is no device of that name, this program was built without its feature, or this machine has no such
-/// GPU or no driver for it. burn's own `Device::vulkan` does not ask, and panics at the first tensor.
+/// If the name is unknown, the program was built without the device's feature, or the machine lacks such a GPU or its
+/// driver. burn's own `Device::vulkan` does not check this, and panics at the first tensor.
 pub fn named(name: Option<&str>) -> Result<Device> {
     let variable = std::env::var(VARIABLE).ok();
     match (name, &variable) {
@@ -44,8 +46,8 @@ pub fn named(name: Option<&str>) -> Result<Device> {
     }
 }
 
-#[allow(unreachable_patterns)] // the names of features that are built in were matched before
-#[allow(deprecated)] // burn deprecates ndarray; it is offered all the same
+#[allow(unreachable_patterns)] // earlier arms match the names of enabled features
+#[allow(deprecated)] // burn deprecates ndarray, which this crate still supports
 fn parse(field: &str, name: &str) -> Result<Device> {
     let lower = name.trim().to_lowercase();
     let (backend, kind) = match lower.split_once(':') {
@@ -72,7 +74,7 @@ fn parse(field: &str, name: &str) -> Result<Device> {
     }
 }
 
-/// The names of devices, and which of them this program was built without.
+/// Lists the names of devices and marks those that this program was built without.
 fn names() -> String {
     let all = [
         ("flex", cfg!(feature = "flex")),
@@ -94,27 +96,27 @@ fn names() -> String {
     )
 }
 
-/// The name of a CPU backend without its device's details; None on GPUs. Autodiff makes no difference.
+/// Returns the name of a CPU backend without details of its device, or `None` on GPUs, with or without autodiff.
 fn cpu(device: &Device) -> Option<&'static str> {
     match device.clone().inner().as_dispatch() {
         #[cfg(feature = "flex")]
         DispatchDevice::Flex(_) => Some("flex"),
         #[cfg(feature = "ndarray")]
         DispatchDevice::NdArray(_) => Some("ndarray"),
-        #[allow(unreachable_patterns)] // where no other backend is built in
+        #[allow(unreachable_patterns)] // if no other backend is enabled
         _ => None,
     }
 }
 
-/// Whether a device is a CPU, so that tiles of rays gain from several host threads.
+/// Whether a device is a CPU. Tiles of rays then run on several host threads.
 pub(crate) fn is_cpu(device: &Device) -> bool {
     cpu(device).is_some()
 }
 
-/// That scenes of a device can be rendered: its backend is one of those that images are in the graph of.
+/// Checks that this crate supports scenes on a device's backend.
 ///
 /// # Errors
-/// With what to do, for devices of other backends, such as remote ones.
+/// For devices of other backends, such as remote ones. The message includes a remedy.
 pub(crate) fn check(device: &Device) -> Result<()> {
     #[cfg(feature = "wgpu")]
     if matches!(
@@ -138,7 +140,7 @@ fn of_another_backend(label: String) -> Error {
     Error::device(label, message)
 }
 
-/// Whether kernels run on a device: those of wgpu, where they are tested.
+/// Whether kernels run on a device. They run on wgpu devices only, where they are tested.
 #[cfg(feature = "wgpu")]
 pub(crate) fn runs_kernels(device: &Device) -> bool {
     use burn::cubecl::Device::Wgpu;
@@ -146,8 +148,7 @@ pub(crate) fn runs_kernels(device: &Device) -> bool {
     matches!(device.as_dispatch(), DispatchDevice::Cube(Wgpu(_)))
 }
 
-/// A device by the name that [`named`] knows it by, where it has one. Devices with autodiff are called
-/// like those without.
+/// Returns a device's name as in [`named`], or its debug text if it has none. Autodiff makes no difference.
 pub(crate) fn label(device: &Device) -> String {
     #[cfg(feature = "wgpu")]
     if let DispatchDevice::Cube(burn::cubecl::Device::Wgpu(gpu)) =
@@ -171,7 +172,7 @@ pub(crate) fn label(device: &Device) -> String {
     cpu(device).map_or_else(inner, str::to_owned)
 }
 
-/// A device of wgpu, started.
+/// Initializes a wgpu device and returns it.
 #[cfg(feature = "wgpu")]
 fn on_gpu(name: &str, kind: burn::tensor::DeviceKind, api: WgpuBackend) -> Result<Device> {
     static STARTED: Mutex<Vec<Device>> = Mutex::new(Vec::new());
@@ -186,13 +187,13 @@ fn on_gpu(name: &str, kind: burn::tensor::DeviceKind, api: WgpuBackend) -> Resul
     }
     let options = Device::wgpu_options().device_kind(kind).graphics_api(api);
     match options.init() {
-        // Who has a tensor there has started it.
+        // A registration error means that the device is already initialized, such as by an earlier tensor.
         Ok(_) | Err(WgpuInitError::Registration { .. }) => {
             started.push(device.clone());
             Ok(device)
         }
         Err(WgpuInitError::AdapterUnavailable { message, .. }) => {
-            // What follows describes all adapters at length.
+            // The rest is a long description of all adapters.
             let found = message.split(", adapters [").next().unwrap_or_default();
             let message = format!(
                 "no such adapter was found ({found}). Is its driver installed? `vulkaninfo --summary` lists those \

@@ -1,4 +1,4 @@
-//! Counts of what this crate does on GPUs, and the times of stages of renders.
+//! Counts of this crate's work on GPUs, and times of the stages of renders.
 
 use std::ops::Sub;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -8,25 +8,26 @@ use burn::tensor::Device;
 
 use super::is_cpu;
 
-/// What this crate has done on GPUs since the program began, for profiles: the difference of two is what was done in
-/// between. burn's own launches, and what a user reads, don't count.
+/// Counts of this crate's work on GPUs since the program started, for profiling.
+///
+/// The difference of two values is the work in between. burn's own launches and the user's read-backs are not included.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
-    /// Kernels that were launched.
+    /// The number of kernel launches.
     pub launches: u64,
-    /// How often lists of scenes and of backward passes were sent to a device.
+    /// The number of uploads to a device: lists of scenes and of backward passes.
     pub uploads: u64,
-    /// The bytes of these lists.
+    /// The total size of the uploads in bytes.
     pub uploaded_bytes: u64,
-    /// How often tensors were read back: at most once a render by kernels there, all of its scenes and cameras together,
-    /// and never in their backward passes; statistics and diagnostics that were asked for are read too.
+    /// The number of read-backs of tensors. A render by GPU kernels adds at most one, for all its scenes and cameras
+    /// together, and its backward pass adds none. Adaptive sampling and requested statistics or diagnostics add more.
     pub read_backs: u64,
-    /// The bytes of these tensors.
+    /// The total size of these tensors in bytes.
     pub read_bytes: u64,
-    /// The searches for edges that points of paths made in backward passes of renders with statistics.
+    /// The number of searches for edges from points of paths, in backward passes of renders with statistics.
     pub searches: u64,
-    /// The searches that as many threads could have made as were busy until the last of 32 that run in step had made
-    /// its own: [`Work::searches`] over this is the share of lanes that a warp keeps busy.
+    /// The number of searches for which there was time: 32 times the maximum number of searches in each warp of 32
+    /// threads. [`Work::searches`] divided by this is the fraction of busy lanes in a warp.
     pub search_lanes: u64,
 }
 
@@ -46,7 +47,7 @@ impl Sub for Work {
     }
 }
 
-/// What this crate has done on GPUs so far.
+/// Returns the counts of this crate's work on GPUs so far.
 pub fn work() -> Work {
     *lock()
 }
@@ -65,13 +66,13 @@ fn lock() -> MutexGuard<'static, Work> {
     WORK.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Counts the launch of a kernel.
+/// Counts a kernel launch.
 #[cfg(feature = "wgpu")]
 pub(crate) fn count_launch() {
     lock().launches += 1;
 }
 
-/// Counts bytes that are sent to a GPU.
+/// Counts an upload to a GPU.
 #[cfg(feature = "wgpu")]
 pub(crate) fn count_upload(bytes: usize) {
     let mut work = lock();
@@ -79,7 +80,7 @@ pub(crate) fn count_upload(bytes: usize) {
     work.uploaded_bytes += bytes as u64;
 }
 
-/// Counts searches for edges by points, in the order of their threads.
+/// Counts searches for edges from points, which are in the order of their threads.
 #[cfg(feature = "wgpu")]
 pub(crate) fn count_searches(of_points: &[u32]) {
     const WARP: usize = 32;
@@ -89,7 +90,7 @@ pub(crate) fn count_searches(of_points: &[u32]) {
     work.search_lanes += of_points.chunks(WARP).map(lanes).sum::<u64>();
 }
 
-/// Counts a read-back of so many numbers of 32 bits, where the device is not a CPU.
+/// Counts a read-back of `numbers` 32-bit numbers, unless the device is a CPU.
 pub(crate) fn count_read_back(device: &Device, numbers: usize) {
     if !is_cpu(device) {
         let mut work = lock();
@@ -98,16 +99,16 @@ pub(crate) fn count_read_back(device: &Device, numbers: usize) {
     }
 }
 
-/// A stage of a render or of its backward pass: a kernel, with the time until the device has run it, or work of the host.
+/// A stage of a render or of its backward pass: a kernel, timed until the device has finished it, or work on the host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stage {
-    /// The kernel's name, or what the host does.
+    /// The name of the kernel or of the host's work.
     pub name: &'static str,
-    /// Whether it is a kernel.
+    /// Whether the stage is a kernel.
     pub on_device: bool,
-    /// How often it ran.
+    /// The number of runs.
     pub count: u64,
-    /// The time that it took in all.
+    /// The total time of all runs.
     pub time: Duration,
 }
 
@@ -117,9 +118,11 @@ fn stages() -> MutexGuard<'static, Option<Vec<Stage>>> {
     STAGES.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Measures how long each stage of renders takes while something is done, in the order in which they first ended. All
-/// threads of the process count, so one such measurement is made at a time. The host waits before and after each kernel;
-/// so all together takes longer than without. The time of a kernel's first run is mostly that of its compiler.
+/// Runs `work` and measures the stages of renders meanwhile. Returns the result of `work` and the stages, in the order
+/// in which they first ended.
+///
+/// The measurement includes all threads of the process, so only one can run at a time. The host waits before and after
+/// each kernel, so the total is longer than without the measurement. A kernel's first run is mostly compilation.
 ///
 /// ```no_run
 /// # fn step() {}
@@ -131,7 +134,7 @@ fn stages() -> MutexGuard<'static, Option<Vec<Stage>>> {
 /// # Panics
 /// If another measurement is under way.
 pub fn stages_of<T>(work: impl FnOnce() -> T) -> (T, Vec<Stage>) {
-    /// Ends the measurement, if the work panics too.
+    /// Ends the measurement if `work` panics.
     struct End;
     impl Drop for End {
         fn drop(&mut self) {
@@ -149,7 +152,7 @@ pub fn stages_of<T>(work: impl FnOnce() -> T) -> (T, Vec<Stage>) {
     (done, stages().take().unwrap_or_default())
 }
 
-/// Runs a stage of the host, and adds its time while stages are measured.
+/// Runs a stage on the host. Adds its time if stages are measured.
 pub(crate) fn stage<T>(name: &'static str, run: impl FnOnce() -> T) -> T {
     if stages().is_none() {
         return run();
@@ -160,7 +163,7 @@ pub(crate) fn stage<T>(name: &'static str, run: impl FnOnce() -> T) -> T {
     done
 }
 
-/// Launches a kernel, and adds its time while stages are measured: then the host waits for the device before and after.
+/// Launches a kernel. If stages are measured, the host waits for the device before and after, and adds the time.
 #[cfg(feature = "wgpu")]
 pub(crate) fn kernel(name: &'static str, launch: impl FnOnce(), wait: impl Fn()) {
     if stages().is_none() {

@@ -1,20 +1,20 @@
-//! Ranges, ticks and their labels.
+//! Axes: ranges, ticks and labels.
 
 use super::text::Font;
 
-/// One direction of a plot. A logarithmic axis holds decimal logarithms.
+/// One axis of a plot. A logarithmic axis stores decimal logarithms.
 pub(super) struct Axis {
     log: bool,
     from: f64,
     to: f64,
-    /// Places with labels.
+    /// The positions and labels of ticks.
     pub ticks: Vec<(f64, String)>,
-    /// Places between them.
+    /// The positions of minor ticks, without labels.
     pub minor: Vec<f64>,
 }
 
 impl Axis {
-    /// Around finite values; `padding` is a share of their range.
+    /// Makes an axis around the finite values; `padding` is a fraction of their range.
     pub fn around(values: impl Iterator<Item = f64>, log: bool, padding: f64) -> Self {
         let values = values
             .map(|v| if log { v.log10() } else { v })
@@ -101,19 +101,19 @@ impl Axis {
         widths.fold(0.0, f64::max)
     }
 
-    /// The position of a tick between the ends, from 0 to 1.
+    /// Maps a position on the axis to [0, 1] between its ends.
     pub fn share(&self, place: f64) -> f64 {
         (place - self.from) / (self.to - self.from)
     }
 
-    /// The position of a value between the ends, from 0 to 1; `None` if it can't be shown.
+    /// Maps a value to [0, 1] between the ends of the axis; `None` if it can't be shown.
     pub fn share_of(&self, value: f64) -> Option<f64> {
         let share = self.share(if self.log { value.log10() } else { value });
         share.is_finite().then_some(share)
     }
 }
 
-/// About `count` multiples of 1, 2 or 5 times a power of ten, and their distance.
+/// Returns a step (1, 2 or 5 times a power of ten) and its multiples in the range, about `count` of them.
 fn round_values(from: f64, to: f64, count: usize) -> (f64, Vec<f64>) {
     let raw = (to - from) / count.max(1) as f64;
     let power = 10f64.powf(raw.log10().floor());
@@ -145,7 +145,7 @@ fn decimal(v: f64, decimals: usize) -> String {
     format!("{v:.decimals$}").replace('-', "−")
 }
 
-/// A number as text, such as 2·10⁻³.
+/// Formats a number, such as 2·10⁻³.
 fn power_of_ten(mantissa: &str, power: i32) -> String {
     let raised = |c: char| match c.to_digit(10) {
         Some(d) => ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][d as usize],
@@ -163,7 +163,7 @@ fn power_of_ten(mantissa: &str, power: i32) -> String {
 mod tests {
     use super::*;
 
-    /// Ticks lie between the ends, no two have the same label, and there are about as many as asked for.
+    /// Ticks are between the ends, their labels are unique, and their number is about as requested.
     #[test]
     fn ticks_tell_places_apart() {
         for (from, to) in [

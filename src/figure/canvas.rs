@@ -1,4 +1,4 @@
-//! A page that images, lines and letters are drawn on. All lengths are pixels.
+//! A page with images, lines and text. All lengths are in pixels.
 
 use tiny_skia::{
     Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, StrokeDash,
@@ -9,24 +9,24 @@ use super::text::Font;
 use crate::error::{Error, Result};
 use crate::io::{HostImage, srgb_byte, srgb_to_linear};
 
-/// A colour as it is encoded in sRGB.
+/// An sRGB-encoded color.
 pub(super) type Rgb = [u8; 3];
 
-/// The frames of images.
+/// The color of images' frames.
 const FRAME: Rgb = [190; 3];
 const BLACK: Rgb = [0; 3];
-/// Pixels of a page.
+/// The maximum number of pixels of a page.
 const MOST: u64 = 1 << 27;
 
-/// A white page. Positions are relative to a corner that can be moved.
+/// A white page. Positions are relative to a movable corner.
 pub(super) struct Canvas {
     page: Pixmap,
     pub font: Font,
     corner: (f64, f64),
 }
 
-/// The point of a line of text, on its baseline, that is placed; `Up` is the middle of text that is read
-/// upwards.
+/// The point of a line of text, on its baseline, that lies at a given position. `Up` is the middle of text that runs
+/// upward.
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
     Left,
@@ -40,13 +40,13 @@ pub(super) enum Anchor {
 pub(super) struct Stroke {
     pub colour: Rgb,
     pub width: f64,
-    /// Lengths of dashes and of gaps between them.
+    /// The lengths of dashes and of the gaps between them.
     pub dashes: Option<(f64, f64)>,
 }
 
 impl Canvas {
     /// # Errors
-    /// If there can't be a page of this size.
+    /// If the page would have no pixels, or too many.
     pub fn new(width: usize, height: usize, font: Font) -> Result<Self> {
         let sides = u32::try_from(width).ok().zip(u32::try_from(height).ok());
         let page = sides.filter(|&(w, h)| u64::from(w) * u64::from(h) <= MOST);
@@ -67,12 +67,12 @@ impl Canvas {
         })
     }
 
-    /// Places what is drawn from now on relative to a corner.
+    /// Sets the corner to which later positions are relative.
     pub fn place(&mut self, (left, top): (usize, usize)) {
         self.corner = (left as f64, top as f64);
     }
 
-    /// The page as linear radiance.
+    /// Converts the page to linear radiance.
     pub fn into_image(self) -> HostImage {
         let linear = |byte: &u8| srgb_to_linear(f32::from(*byte) / 255.0);
         let pixels = self.page.data().chunks_exact(4);
@@ -83,8 +83,8 @@ impl Canvas {
         }
     }
 
-    /// Draws an image, each pixel of which is `factor` pixels wide and high, in a frame one pixel thick
-    /// that lies around it. The corner is that of the frame.
+    /// Draws an image with a frame of one pixel around it. Each image pixel is `factor` pixels wide and high. The given
+    /// corner is the frame's.
     pub fn image(&mut self, image: &HostImage, factor: usize, (left, top): (usize, usize)) {
         let (left, top) = (left + self.corner.0 as usize, top + self.corner.1 as usize);
         let (width, height) = (factor * image.width, factor * image.height);
@@ -109,7 +109,7 @@ impl Canvas {
         Transform::from_translate(self.corner.0 as f32, self.corner.1 as f32)
     }
 
-    /// Draws a filled rectangle between its upper left and lower right corner.
+    /// Draws a filled rectangle from its upper left to its lower right corner.
     pub fn rectangle(&mut self, from: (f64, f64), to: (f64, f64), colour: Rgb) {
         let [left, top, right, bottom] = [from.0, from.1, to.0, to.1].map(|v| v as f32);
         if let Some(rectangle) = Rect::from_ltrb(left, top, right, bottom) {
@@ -119,7 +119,7 @@ impl Canvas {
         }
     }
 
-    /// Draws a line through points.
+    /// Draws a polyline through points.
     pub fn line(&mut self, points: &[(f64, f64)], stroke: Stroke) {
         let mut path = PathBuilder::new();
         for (i, &(x, y)) in points.iter().enumerate() {
@@ -190,7 +190,7 @@ fn paint([r, g, b]: Rgb) -> Paint<'static> {
 mod tests {
     use super::*;
 
-    /// The columns and rows that are not white.
+    /// The ranges of columns and rows that are not white.
     fn inked(image: &HostImage) -> [std::ops::RangeInclusive<usize>; 2] {
         let dark = |i: &usize| image.pixels[3 * i] < 0.9;
         let dark: Vec<usize> = (0..image.width * image.height).filter(dark).collect();

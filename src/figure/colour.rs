@@ -1,24 +1,24 @@
-//! Signed numbers as colours.
+//! Maps signed numbers to colors.
 
 use super::canvas::Rgb;
 use crate::error::{Error, Result};
 use crate::io::{HostImage, srgb_to_linear};
 
-/// ColorBrewer's RdBu at 0, ½ and 1.
+/// ColorBrewer's RdBu colors at magnitudes 0, ½ and 1.
 const WHITE: [f64; 3] = [255.0, 255.0, 255.0];
 const RED: [[f64; 3]; 3] = [WHITE, [244.0, 165.0, 130.0], [178.0, 24.0, 43.0]];
 const BLUE: [[f64; 3]; 3] = [WHITE, [146.0, 197.0, 222.0], [33.0, 102.0, 172.0]];
 const GREY: [f64; 3] = [128.0, 128.0, 128.0];
 
-/// A diverging colour map of signed numbers: white at 0, blue below, red above, darkest from ±scale on.
-/// Numbers that are not finite are grey.
+/// A diverging color map of signed numbers: white at 0, blue below, red above, darkest from ±scale on. Numbers that are
+/// not finite are gray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Diverging {
     scale: f64,
 }
 
 impl Diverging {
-    /// A map whose darkest colours stand for −`scale` and `scale`.
+    /// Makes a map with its darkest colors at −`scale` and `scale`.
     ///
     /// # Errors
     /// If the scale is not finite and above 0.
@@ -27,8 +27,8 @@ impl Diverging {
         Ok(Self { scale })
     }
 
-    /// A map for given numbers: the scale is the 99th percentile of the magnitudes of those that are
-    /// finite and not 0, so that a few outliers don't make the rest pale. Without any it is 1.
+    /// Makes a map for the given numbers. The scale is the 99th percentile of the magnitudes of numbers that are finite
+    /// and not 0, so that a few outliers don't make the rest pale. Without such numbers it is 1.
     pub fn of(values: &[f64]) -> Self {
         let magnitudes = values.iter().map(|v| v.abs());
         let mut magnitudes: Vec<f64> = magnitudes.filter(|&v| v.is_finite() && v > 0.0).collect();
@@ -40,12 +40,12 @@ impl Diverging {
         }
     }
 
-    /// The magnitude from which on colours are the darkest.
+    /// The magnitude from which on colors are darkest.
     pub(crate) fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// The colour of a number, in sRGB.
+    /// The sRGB-encoded color of a number.
     pub(super) fn encoded(&self, value: f64) -> Rgb {
         if !value.is_finite() {
             return GREY.map(|c| c as u8);
@@ -58,13 +58,13 @@ impl Diverging {
         std::array::from_fn(|c| channel(c).round() as u8)
     }
 
-    /// The colour of a number, linear RGB.
+    /// The linear RGB color of a number.
     pub(super) fn colour(&self, value: f64) -> [f32; 3] {
         let linear = |byte| srgb_to_linear(f32::from(byte) / 255.0);
         self.encoded(value).map(linear)
     }
 
-    /// The colours of height · width numbers, row by row from the top.
+    /// Colors an image of height · width numbers, row by row from the top.
     pub(super) fn image(&self, width: usize, height: usize, values: &[f64]) -> Result<HostImage> {
         let whole = width.checked_mul(height) == Some(values.len());
         let found = format!("of {} numbers", values.len());

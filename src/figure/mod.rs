@@ -1,4 +1,4 @@
-//! Figures: rows of images with captions over rows of plots, as one image.
+//! Figures: rows of images with captions above rows of plots, drawn as one image.
 
 mod axis;
 mod canvas;
@@ -19,19 +19,19 @@ pub use plot::Plot;
 use plot::PlotRow;
 use text::Font;
 
-/// The size of the title's letters, the height of its lines, and the room below it.
+/// The font size of the title, the height of its lines, and the space below it, in pixels.
 const TITLE: f64 = 20.0;
 const TITLE_LINE: usize = 27;
 const TITLE_ROOM: usize = 8;
-/// Around the figure, between images or plots, and between rows.
+/// The space around the figure, between images or plots, and between rows.
 const MARGIN: usize = 16;
 const GAP: usize = 14;
 const ROW_GAP: usize = 16;
-/// The least width between the margins.
+/// The minimum width between the margins.
 const NARROWEST: usize = 140;
 const PLOTS_IN_A_ROW: usize = 3;
 
-/// Rows of images with captions, then rows of plots.
+/// A figure: rows of images with captions, then rows of plots.
 ///
 /// ```
 /// use softray::figure::{Figure, Panel, Plot};
@@ -60,7 +60,7 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// An empty figure. A title that is empty takes no room.
+    /// Makes an empty figure. An empty title takes no space.
     pub fn new(title: impl Into<String>) -> Self {
         Self {
             title: title.into(),
@@ -70,40 +70,39 @@ impl Figure {
         }
     }
 
-    /// Sets about how many pixels high the images of the rows that follow are shown; 256 at first.
+    /// Sets the approximate height, in pixels, of the images in later rows; 256 by default.
     pub fn height(mut self, height: usize) -> Self {
         self.height = height;
         self
     }
 
-    /// Adds a row of images: panels, or pairs of a caption and an image.
+    /// Adds a row of panels, or of pairs of a caption and an image.
     pub fn row<P: Into<Panel>>(mut self, panels: impl IntoIterator<Item = P>) -> Self {
         let panels = panels.into_iter().map(Into::into).collect();
         self.rows.push((self.height, panels));
         self
     }
 
-    /// Adds a plot. Plots stand below all images, up to three in a row.
+    /// Adds a plot. Plots are below all images, up to three per row.
     pub fn plot(mut self, plot: Plot) -> Self {
         self.plots.push(plot);
         self
     }
 
-    /// Writes the figure to a `.png` or `.exr` file, which appears under its name only when it is
-    /// complete.
+    /// Writes the figure to a `.png` or `.exr` file. The file appears under its name only when it is complete.
     ///
     /// # Errors
-    /// As [`Figure::image`], or if the file can't be written.
+    /// Like [`Figure::image`], or if the file can't be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         HostImage::check_path(&path)?;
         self.image()?.write(path)
     }
 
-    /// Draws the figure.
+    /// Draws the figure and returns it as linear radiance.
     ///
     /// # Errors
-    /// If an image has no pixels or not as many values as its size asks for, or the figure would have
-    /// more than 2²⁷ pixels.
+    /// If an image has no pixels, if its number of values does not match its size, or if the figure would have more
+    /// than 2²⁷ pixels.
     pub fn image(&self) -> Result<HostImage> {
         let font = Font::new()?;
         let rows = self.rows.iter().filter(|row| !row.1.is_empty());
@@ -147,7 +146,7 @@ impl Figure {
         Ok(canvas.into_image())
     }
 
-    /// Distributes the plots over as few rows as possible, with about as many in each.
+    /// Distributes the plots evenly over as few rows as possible.
     fn plot_rows(&self, font: &Font) -> Vec<PlotRow<'_>> {
         let rows = self.plots.len().div_ceil(PLOTS_IN_A_ROW).max(1);
         let length = self.plots.len().div_ceil(rows).max(1);
@@ -160,7 +159,7 @@ fn plots_width(row: &PlotRow) -> usize {
     row.len() * (row.size().0 + GAP) - GAP
 }
 
-/// Images side by side that end at the same height.
+/// Images side by side with aligned lower ends.
 struct ImageRow {
     cells: Vec<Cell>,
     width: usize,

@@ -1,4 +1,4 @@
-//! An image of a figure with its caption, and the colour scale beside it.
+//! An image of a figure with its caption and color scale.
 
 use super::Diverging;
 use super::axis::Axis;
@@ -7,21 +7,21 @@ use super::text::Font;
 use crate::error::{Error, Result};
 use crate::io::HostImage;
 
-/// Sizes of letters.
+/// The font sizes of captions and ticks, and the height of a caption's lines.
 const CAPTION: f64 = 15.0;
 const TICK: f64 = 12.0;
 const CAPTION_LINE: usize = 19;
 /// The gap between an image and its caption.
 const CAPTION_GAP: usize = 6;
-/// Captions of smaller images are this wide.
+/// The width of captions of narrower images.
 const NARROWEST: f64 = 140.0;
-/// The gap between an image and its colour scale, the width of the scale, and the gap before its numbers.
+/// The gap between an image and its color scale, the width of the scale, and the gap before its numbers.
 const SCALE: (usize, usize, usize) = (8, 14, 5);
 
-/// An image of a [`Figure`](super::Figure), over its caption.
+/// An image of a [`Figure`](super::Figure) above its caption.
 ///
-/// Images of radiance are clipped to [0, 1]. Signed images have a diverging colour map, and its scale
-/// beside them. Either is scaled up by a whole factor with sharp pixels.
+/// Images of radiance are clipped to [0, 1]. Signed images have a diverging color map with a scale beside them. Both
+/// are scaled up by an integer factor with sharp pixels.
 #[derive(Clone, Debug)]
 pub struct Panel {
     caption: String,
@@ -31,12 +31,12 @@ pub struct Panel {
 #[derive(Clone, Debug)]
 enum Content {
     Radiance(HostImage),
-    /// Columns and rows, one value a pixel, and their colours.
+    /// Width and height, one value per pixel, and the color map.
     Signed([usize; 2], Vec<f64>, Diverging),
 }
 
 impl Panel {
-    /// An image of linear radiance.
+    /// Makes a panel of an image of linear radiance.
     pub fn new(caption: impl Into<String>, image: &HostImage) -> Self {
         Self {
             caption: caption.into(),
@@ -44,8 +44,8 @@ impl Panel {
         }
     }
 
-    /// An image of height · width signed numbers, row by row from the top: a derivative, a difference.
-    /// Its colours are [`Diverging::of`] the numbers unless [`Panel::colours`] gives others.
+    /// Makes a panel of height · width signed numbers, row by row from the top, such as a derivative or a difference.
+    /// Its color map is [`Diverging::of`] the numbers unless [`Panel::colours`] sets another.
     pub fn signed(
         caption: impl Into<String>,
         width: usize,
@@ -60,11 +60,10 @@ impl Panel {
         }
     }
 
-    /// The first image less the second one, as a signed image: in each pixel the mean over the
-    /// channels.
+    /// Makes a signed image of `a` − `b`, averaged over the channels in each pixel.
     ///
     /// # Errors
-    /// If the images differ in their sizes, or have not as many values as their size asks for.
+    /// If the images have no pixels, if their sizes differ, or if their numbers of values do not match their sizes.
     pub fn difference(caption: impl Into<String>, a: &HostImage, b: &HostImage) -> Result<Self> {
         let caption = caption.into();
         let size = |image: &HostImage| format!("{} × {}", image.width, image.height);
@@ -83,8 +82,8 @@ impl Panel {
         Ok(Self::signed(caption, a.width, a.height, values))
     }
 
-    /// Sets the colours of a signed image, so that several images share a scale. An image of radiance
-    /// does not change.
+    /// Sets the color map of a signed image, so that several images can share a scale. An image of radiance does not
+    /// change.
     pub fn colours(mut self, map: Diverging) -> Self {
         if let Content::Signed(.., colours) = &mut self.content {
             *colours = map;
@@ -92,7 +91,7 @@ impl Panel {
         self
     }
 
-    /// The colours of a signed image.
+    /// The color map of a signed image.
     fn map(&self) -> Option<Diverging> {
         match self.content {
             Content::Signed(.., colours) => Some(colours),
@@ -129,19 +128,19 @@ fn check(caption: &str, image: &HostImage) -> Result<()> {
     )
 }
 
-/// A panel as it is laid out.
+/// The layout of a panel.
 pub(super) struct Cell {
     image: HostImage,
     factor: usize,
     caption: Vec<String>,
     scale: Option<Scale>,
-    /// The widths of the image in its frame, of the scale beside it, and of all.
+    /// The widths of the image with its frame, of the scale beside it, and of the cell.
     frame: usize,
     beside: usize,
     pub width: usize,
 }
 
-/// The colour scale of an image.
+/// The color scale of an image.
 struct Scale {
     map: Diverging,
     axis: Axis,
@@ -187,7 +186,7 @@ impl Cell {
         }
     }
 
-    /// Draws the cell: the image ends above `bottom`, the caption begins below.
+    /// Draws the cell, with the image above `bottom` and the caption below.
     pub fn draw(&self, (left, bottom): (usize, usize), canvas: &mut Canvas) {
         let inset = (self.width - self.frame - self.beside) / 2;
         canvas.place((left + inset, bottom - self.image_height()));
@@ -202,7 +201,7 @@ impl Cell {
         canvas.place((left, bottom));
         let widths = self.caption.iter().map(|l| canvas.font.width(l, CAPTION));
         let half = 0.5 * widths.fold(0.0, f64::max);
-        // Below the image's middle, unless that is too near to an end.
+        // Centered below the image if the caption then fits into the cell.
         let middle = inset as f64 + 0.5 * self.frame as f64;
         let middle = middle.min(self.width as f64 - half).max(half);
         for (i, line) in self.caption.iter().enumerate() {
@@ -213,7 +212,7 @@ impl Cell {
 }
 
 impl Scale {
-    /// A colour scale `height` pixels high. It has numbers on both sides of 0 if there is room.
+    /// Makes a color scale `height` pixels high. It has numbers on both sides of 0 if there is space.
     fn new(map: Diverging, height: usize) -> Self {
         let ends = [-map.scale(), map.scale()].into_iter();
         let mut axis = Axis::around(ends, false, 0.0).divide(5);
@@ -231,9 +230,9 @@ impl Scale {
         Self { map, axis }
     }
 
-    /// Draws the scale from the corner of the canvas.
+    /// Draws the scale at the canvas's corner.
     fn draw(&self, height: usize, canvas: &mut Canvas) {
-        // One pixel of the frame is on each side.
+        // The frame is one pixel wide on each side.
         let inside = height - 2;
         let value =
             |row: usize| self.map.scale() * (1.0 - 2.0 * (row as f64 + 0.5) / inside as f64);

@@ -1,26 +1,26 @@
-//! Curves in a frame with axes and a legend.
+//! Plots: curves in a frame with axes and a legend.
 
 use super::axis::Axis;
 use super::canvas::{Anchor, Canvas, Rgb, Stroke};
 use super::text::Font;
 
-/// A plot's width, and its height while title and legend take a line each, or three together.
+/// A plot's width, and its height if title and legend take up to [`LINES`] lines together.
 const SIZE: (f64, f64) = (420.0, 300.0);
 const TITLE: f64 = 16.0;
 const LABEL: f64 = 14.0;
 const TICK: f64 = 13.0;
-/// Height of a line of the title or the legend.
+/// The height of a line of the title or the legend.
 const LINE: f64 = 19.0;
-/// Length of a line's sample in the legend, and the room behind it and behind the text.
+/// The length of a line's sample in the legend, and the spaces after it and after the text.
 const SAMPLE: f64 = 24.0;
 const SPACE: (f64, f64) = (6.0, 16.0);
-/// Lines above a frame that fit without a higher plot.
+/// The number of lines above a frame that fit into the default height.
 const LINES: usize = 3;
 
 const INK: Rgb = [60; 3];
 const GRID: Rgb = [228; 3];
 const FAINT_GRID: Rgb = [243; 3];
-/// Dark enough on white, and told apart without red and green (Okabe and Ito).
+/// Colors that are dark enough on white, and distinct for color-blind readers (Okabe and Ito).
 const COLOURS: [Rgb; 7] = [
     [0, 114, 178],
     [213, 94, 0],
@@ -31,23 +31,22 @@ const COLOURS: [Rgb; 7] = [
     [110, 110, 110],
 ];
 
-/// Curves over x, with horizontal dashed lines and a legend, for a [`Figure`](super::Figure).
+/// A plot of curves over x for a [`Figure`](super::Figure), with horizontal dashed lines and a legend.
 #[derive(Clone, Debug, Default)]
 pub struct Plot {
     title: String,
-    /// The axes' labels.
+    /// The labels of the axes.
     x: String,
     y: String,
     log: bool,
-    /// The curves, by their names and points.
+    /// The names and points of the curves.
     curves: Vec<(String, Vec<(f64, f64)>)>,
-    /// The dashed lines, by their names and values.
+    /// The names and values of the dashed lines.
     lines: Vec<(String, f64)>,
 }
 
 impl Plot {
-    /// A plot without curves, with a title and the labels of its axes; those that are empty take no
-    /// room.
+    /// Makes a plot without curves from a title and the labels of the axes. Empty texts take no space.
     pub fn new(title: impl Into<String>, x: impl Into<String>, y: impl Into<String>) -> Self {
         Self {
             title: title.into(),
@@ -57,14 +56,14 @@ impl Plot {
         }
     }
 
-    /// Makes the y axis logarithmic: values that are not positive are left out.
+    /// Makes the y axis logarithmic. Values that are not positive are omitted.
     pub fn log(mut self) -> Self {
         self.log = true;
         self
     }
 
-    /// Adds a line through points (x, y); those that are not finite are left out, and a single one
-    /// becomes a dot. A name that is empty is not in the legend.
+    /// Adds a curve through points (x, y). Points that are not finite are omitted, and a single point is a dot. A curve
+    /// with an empty name is not in the legend.
     pub fn curve(
         mut self,
         name: impl Into<String>,
@@ -75,7 +74,7 @@ impl Plot {
         self
     }
 
-    /// Adds a horizontal dashed line: a goal, a limit.
+    /// Adds a horizontal dashed line, such as a goal or a limit.
     pub fn line(mut self, name: impl Into<String>, y: f64) -> Self {
         self.lines.push((name.into(), y));
         self
@@ -88,7 +87,7 @@ impl Plot {
         curves.chain(lines.map(|(i, l)| (l.0.as_str(), line_stroke(i))))
     }
 
-    /// The points that can be shown: x and y are finite, and y is positive where it must be.
+    /// Returns the points with finite x and y, and positive y on a logarithmic axis.
     fn shown(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
         let shown = |p: &&(f64, f64)| p.0.is_finite() && self.shows(p.1);
         points.iter().filter(shown).copied().collect()
@@ -117,15 +116,15 @@ fn line_stroke(i: usize) -> Stroke {
     }
 }
 
-/// Plots side by side whose frames have the same top.
+/// Plots side by side with aligned upper ends of their frames.
 pub(super) struct PlotRow<'a> {
     plots: Vec<(&'a Plot, Heading<'a>)>,
-    /// The most lines of a title and of a legend.
+    /// The maximum numbers of lines of a title and of a legend.
     titles: usize,
     legends: usize,
 }
 
-/// A broken title, and the legend's lines with the width of each entry.
+/// A title broken into lines, and the legend's lines with the width of each entry.
 struct Heading<'a> {
     title: Vec<String>,
     legend: Vec<Vec<(&'a str, Stroke, f64)>>,
@@ -170,24 +169,24 @@ impl<'a> PlotRow<'a> {
         self.plots.len()
     }
 
-    /// The size of one plot, pixels.
+    /// The size of one plot in pixels.
     pub fn size(&self) -> (usize, usize) {
         let more = (self.titles + self.legends).saturating_sub(LINES);
         (SIZE.0 as usize, (SIZE.1 + LINE * more as f64) as usize)
     }
 
-    /// Draws one plot from the corner of the canvas.
+    /// Draws one plot at the canvas's corner.
     pub fn draw(&self, index: usize, pen: &mut Canvas) {
         let (plot, heading) = &self.plots[index];
         let head = 6.0 + LINE * (self.titles + self.legends) as f64;
         let middle = draw_frame(plot, head + 8.0, self.size().1 as f64, pen);
-        // Over the frame's middle, unless they are too wide for that.
+        // Centered above the frame if the line is narrow enough.
         let start = |width: f64| (middle - 0.5 * width).min(SIZE.0 - 4.0 - width).max(4.0);
         for (i, line) in heading.title.iter().enumerate() {
             let at = (start(pen.font.width(line, TITLE)), TITLE + LINE * i as f64);
             pen.text(line, TITLE, at, Anchor::Left);
         }
-        // Legends that are shorter than the row's longest stand at the frame.
+        // Legends with fewer lines than the row's longest one are next to the frame.
         let mut y = head - LINE * (heading.legend.len() as f64 - 0.5);
         for line in &heading.legend {
             let widths: f64 = line.iter().map(|entry| entry.2 + SPACE.1).sum();
@@ -204,8 +203,8 @@ impl<'a> PlotRow<'a> {
     }
 }
 
-/// The axes and what is between them, from `top` to the end of the plot's height. Returns the
-/// frame's middle.
+/// Draws the frame, the axes, the curves and the lines, from `top` to the plot's lower end. Returns the x position of
+/// the frame's middle.
 fn draw_frame(plot: &Plot, top: f64, height: f64, pen: &mut Canvas) -> f64 {
     let curves: Vec<_> = plot.curves.iter().map(|c| plot.shown(&c.1)).collect();
     let points = || curves.iter().flatten();
@@ -216,7 +215,7 @@ fn draw_frame(plot: &Plot, top: f64, height: f64, pen: &mut Canvas) -> f64 {
     let left = (6.0 + 22.0 * has(&plot.y) + y.widest(&pen.font, TICK) + 9.0).round();
     let bottom = height - 26.0 - 22.0 * has(&plot.x);
 
-    // The last label of x may reach beyond the frame.
+    // The last label of x may extend beyond the frame.
     let room = SIZE.0 - left;
     let mut x = Axis::around(points().map(|p| p.0), false, 0.0).divide(9);
     for count in (2..9).rev() {
@@ -228,7 +227,7 @@ fn draw_frame(plot: &Plot, top: f64, height: f64, pen: &mut Canvas) -> f64 {
 
     let across = |share: f64| left + share * (right - left);
     let up = |share: f64| bottom - share * (bottom - top);
-    // Lines one pixel thick, on the pixels.
+    // Lines one pixel thick, aligned with the pixels.
     let row = |pen: &mut Canvas, y: f64, colour| {
         let y = (y - 0.5).round();
         pen.rectangle((left, y), (right, y + 1.0), colour)
@@ -274,7 +273,7 @@ fn draw_frame(plot: &Plot, top: f64, height: f64, pen: &mut Canvas) -> f64 {
     0.5 * (left + right)
 }
 
-/// The labels of both axes of a frame.
+/// Draws the labels of both axes of a frame.
 fn draw_labels(
     plot: &Plot,
     (left, right): (f64, f64),

@@ -11,7 +11,7 @@ fn decay(title: &str) -> Plot {
         .curve("a curve", points)
 }
 
-/// A figure with all that there is, its texts of any length.
+/// A figure with all features and a given text everywhere.
 fn full(text: &str) -> Figure {
     let values: Vec<f64> = (0..64).map(|k| f64::from(k) - 32.0).collect();
     let mut plot = decay(text).line(text, 0.01);
@@ -34,7 +34,7 @@ fn full(text: &str) -> Figure {
         .plot(decay("c"))
 }
 
-/// Nothing is drawn in the margins: no text runs out of the page.
+/// The margins stay empty, so no text leaves the page.
 #[test]
 fn margins_stay_white() {
     let long = "a text that is much longer than what it stands above or below, \
@@ -53,7 +53,7 @@ fn margins_stay_white() {
     }
 }
 
-/// The colour scale goes from red at the top to blue at the bottom, beside the image.
+/// The color scale is beside the image, from red at the top to blue at the bottom.
 #[test]
 fn signed_images_have_a_scale_beside_them() {
     let figure = |panel: Panel| Figure::new("").row([panel]).image().expect("a figure");
@@ -78,7 +78,7 @@ fn signed_images_have_a_scale_beside_them() {
     );
     let centre = pixel(middle, MARGIN + 1 + 128);
     assert!(centre.iter().all(|v| *v > 0.95), "{centre:?}");
-    // The image has the colour of the scale's upper end, and numbers stand to the right.
+    // The image has the color of the scale's upper end, and numbers are to the right.
     assert_eq!(
         pixel(MARGIN + 100, MARGIN + 100),
         Diverging::of(&[1.0]).colour(1.0)
@@ -87,7 +87,7 @@ fn signed_images_have_a_scale_beside_them() {
     assert!((middle + 12..signed.width).any(ink));
 }
 
-/// A curve's points are where the ends of its axes are.
+/// A curve's end points are at the ends of the axes.
 #[test]
 fn curves_fill_their_frames() {
     let plot = Plot::new("", "", "").curve("", [(0.0, 0.0), (1.0, 1.0)]);

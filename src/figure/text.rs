@@ -1,4 +1,4 @@
-//! The letters of figures: their widths, where lines break, and their outlines.
+//! The text of figures: widths, line breaks and outlines of letters.
 
 use ab_glyph::{Font as _, FontRef, OutlineCurve, Point};
 use epaint_default_fonts::HACK_REGULAR;
@@ -6,8 +6,8 @@ use tiny_skia::{Path, PathBuilder};
 
 use crate::error::{Error, Result};
 
-/// The font of all text. Sizes are distances between lines set without leading, in pixels; characters
-/// that the font lacks are drawn as boxes.
+/// The font of all text. Sizes are line heights without leading, in pixels. Characters that the font lacks are drawn as
+/// boxes.
 pub(super) struct Font {
     face: FontRef<'static>,
 }
@@ -31,13 +31,13 @@ impl Font {
         self.factor(size) * text.chars().map(advance).sum::<f64>()
     }
 
-    /// The given size, or a smaller one in which the text is no wider than asked.
+    /// Returns the given size, or a smaller one in which the text is at most `width` wide.
     pub fn fitting(&self, text: &str, size: f64, width: f64) -> f64 {
         size * (width / self.width(text, size).max(1.0)).min(1.0)
     }
 
-    /// Breaks text into lines no wider than asked: at spaces, and inside of words that are wider than
-    /// a line. Its own line breaks stay.
+    /// Breaks text into lines at most `width` wide, at spaces and inside words that are wider than a line. Existing
+    /// line breaks stay.
     pub fn wrapped(&self, text: &str, size: f64, width: f64) -> Vec<String> {
         let mut lines = Vec::new();
         for paragraph in text.lines() {
@@ -62,8 +62,8 @@ impl Font {
         lines
     }
 
-    /// The outlines of a line of text whose baseline begins at (0, 0), y down; none if nothing of it
-    /// can be seen.
+    /// Returns the outlines of a line of text whose baseline starts at (0, 0), with y down; `None` if nothing is
+    /// visible.
     pub fn outlines(&self, text: &str, size: f64) -> Option<Path> {
         let factor = self.factor(size) as f32;
         let mut path = PathBuilder::new();

@@ -1,4 +1,4 @@
-//! The device and float type of a render, and values to and from the host.
+//! The device and float type of a render, and copies of values to and from the host.
 
 #[cfg(feature = "flex")]
 use burn::backend::{BackendTensor, DispatchTensorKind};
@@ -7,17 +7,17 @@ use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 use crate::device::count_read_back;
 use crate::error::{Error, Result};
 
-/// The device and the float type of a render: those of the scene's tensors.
+/// The device and the float type of a render, taken from the scene's tensors.
 #[derive(Clone, Debug)]
 pub struct Context {
-    /// The device, without autodiff: constants record no tape.
+    /// The device, without autodiff, so that constants record no tape.
     pub device: Device,
     /// The float type, `f32` or `f64`.
     pub dtype: DType,
 }
 
 impl Context {
-    /// A constant of any shape from host values, in row-major order.
+    /// Creates a constant of any shape from host values, in row-major order.
     pub fn tensor<const D: usize>(&self, values: &[f64], shape: [usize; D]) -> Tensor<D> {
         let data = if self.dtype == DType::F64 {
             TensorData::new(values.to_vec(), shape)
@@ -27,23 +27,23 @@ impl Context {
         Tensor::from_data(data, (&self.device, self.dtype))
     }
 
-    /// A constant row `[1, N]`: one value a ray.
+    /// Creates a constant row `[1, N]`, one value per ray.
     pub fn row(&self, values: &[f64]) -> Tensor<2> {
         self.tensor(values, [1, values.len()])
     }
 
-    /// A constant column `[T, 1]`: one value a triangle.
+    /// Creates a constant column `[T, 1]`, one value per triangle.
     pub fn column(&self, values: &[f64]) -> Tensor<2> {
         self.tensor(values, [values.len(), 1])
     }
 
-    /// A constant row `[1, N]` of indices.
+    /// Creates a constant row `[1, N]` of indices.
     pub fn index_row(&self, values: &[u32]) -> Tensor<2, Int> {
         let data: Vec<i32> = values.iter().map(|&v| v as i32).collect();
         Tensor::from_data(TensorData::new(data, [1, values.len()]), &self.device)
     }
 
-    /// The relative rounding error of the float type.
+    /// Returns the relative rounding error of the float type.
     pub fn epsilon(&self) -> f64 {
         if self.dtype == DType::F64 {
             f64::EPSILON
@@ -53,13 +53,13 @@ impl Context {
     }
 }
 
-/// The tensor's values without tape or autodiff.
+/// Returns the tensor's values without tape or autodiff.
 pub(crate) fn detached<const D: usize>(tensor: &Tensor<D>) -> Tensor<D> {
     tensor.clone().inner()
 }
 
-/// Calls a function with the values of an image `[H, W, C]`, some rows at a time: reading it back in one
-/// piece takes its memory twice more.
+/// Calls a function with the values of an image `[H, W, C]`, some rows at a time. Reading the image back in one piece
+/// would take its memory twice more.
 pub(crate) fn by_rows<const D: usize>(tensor: &Tensor<D>, mut f: impl FnMut(&[f32])) -> Result<()> {
     const NUMBERS: usize = 1 << 20;
     let dims = tensor.dims();
@@ -75,7 +75,7 @@ pub(crate) fn by_rows<const D: usize>(tensor: &Tensor<D>, mut f: impl FnMut(&[f3
     Ok(())
 }
 
-/// The first value of an image that is not finite in f32, in row-major order, and where it is.
+/// Returns the first value of an image for which `holds` is false, in row-major order, with its index.
 pub(crate) fn first_outside<const D: usize>(
     tensor: &Tensor<D>,
     holds: impl Fn(f64) -> bool,
@@ -91,8 +91,8 @@ pub(crate) fn first_outside<const D: usize>(
     Ok(found)
 }
 
-/// Where the numbers of a tensor lie on the host: tensors of one place, that are there at one time, are the same. None
-/// where that is not known, or it is in a graph.
+/// Returns the address and the shape of a tensor's values on the host. Tensors of the same address and shape that are
+/// alive at the same time are the same. Returns None if the address is unknown or the tensor is tracked.
 pub(crate) fn place_of<const D: usize>(tensor: &Tensor<D>) -> Option<(usize, [usize; D])> {
     #[cfg(feature = "flex")]
     if !tensor.is_tracked()
@@ -108,9 +108,9 @@ pub(crate) fn place_of<const D: usize>(tensor: &Tensor<D>) -> Option<(usize, [us
     None
 }
 
-/// Whether any value of an image is above 0, or can't be read.
+/// Returns whether any value of an image is above 0 or can't be read.
 pub(crate) fn any_positive<const D: usize>(image: &Tensor<D>) -> bool {
-    // Computed where the image is: only one number is read back.
+    // Computed on the device of the image: only one number is read back.
     let most = host_values(&detached(image).max());
     most.map_or(true, |most| most.iter().any(|&v| v > 0.0))
 }
@@ -126,13 +126,13 @@ pub(crate) fn host_values<const D: usize>(tensor: &Tensor<D>) -> Result<Vec<f64>
     })
 }
 
-/// Sine and cosine to rounding on every device: Vulkan allows their instructions an absolute error
-/// of 2⁻¹¹, which shows as a camera with another field of view.
+/// Computes sine and cosine to rounding on every device. Vulkan allows its instructions an absolute error of 2⁻¹¹,
+/// which shows as a camera with another field of view.
 pub(crate) fn sin_cos<const D: usize>(angle: Tensor<D>) -> (Tensor<D>, Tensor<D>) {
     use std::f64::consts::TAU;
-    /// The Taylor series serves angles up to π/2^HALVINGS.
+    /// The Taylor series is used for angles up to π/2^HALVINGS.
     const HALVINGS: i32 = 3;
-    // 2π in two parts, the first of few bits, so that whole turns are taken off exactly.
+    // 2π in two parts. The first has few bits, so that whole turns are subtracted exactly.
     const HIGH: f64 = 6.28125;
     let turns = (super::context::detached(&angle) / TAU).round();
     let small = angle - turns.clone() * HIGH - turns * (TAU - HIGH);

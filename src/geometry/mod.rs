@@ -1,8 +1,7 @@
 //! Vectors as planes, frames, and the flattened triangles of a scene.
 //!
-//! A quantity of a triangle is a column `[T, 1]`, one of a ray a row `[1, N]`, one of a
-//! ray–triangle pair `[T, N]`: they broadcast against each other, and the long axis of rays is
-//! contiguous.
+//! A quantity per triangle is a column `[T, 1]`, a quantity per ray a row `[1, N]`, a quantity per ray–triangle pair a
+//! matrix `[T, N]`. They broadcast against each other, and the long axis of rays is contiguous.
 
 mod context;
 mod topology;

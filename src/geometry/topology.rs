@@ -1,11 +1,11 @@
-//! Connections between triangles, on the host.
+//! Connectivity of triangles, on the host.
 
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
 use rayon::prelude::*;
 
-/// The connections of triangles, on the host: neighbours, objects, closed surfaces.
+/// The connectivity of triangles, on the host: neighbors, objects, closed surfaces.
 #[derive(Clone, Debug, Default)]
 pub struct Topology {
     /// The object of each triangle.
@@ -16,17 +16,17 @@ pub struct Topology {
     pub closed: Vec<bool>,
     /// Triangles of the same object that share a welded vertex.
     pub neighbours: Neighbours,
-    /// For a triangle of a closed object: +1 if only its sides with n·d > 0 can be seen, −1 if
-    /// only those with n·d < 0 can; 0 for open objects.
+    /// The side of each triangle that rays can see: for a closed object +1 for n·d > 0 or −1 for n·d < 0, d the
+    /// direction of the ray; for an open object 0, which is both sides.
     pub visible_side: Vec<f64>,
 }
 
-/// The triangles that share a vertex: the places of corners, and the triangles at each place. Its size is
-/// linear in the triangles, however many of them share one.
+/// The triangles that share a vertex: the place (welded vertex) of each corner, and the triangles at each place. The
+/// size is linear in the triangles, however many of them share one place.
 #[derive(Clone, Debug)]
 pub struct Neighbours {
     corners: Vec<[u32; 3]>,
-    /// The beginnings of the lists of places, and the end.
+    /// The start of each place in `list`, and the end of the last.
     starts: Vec<usize>,
     list: Vec<u32>,
 }
@@ -42,7 +42,7 @@ impl Default for Neighbours {
 }
 
 impl Neighbours {
-    /// Triangles without neighbours.
+    /// Creates triangles without neighbors.
     #[cfg(test)]
     pub fn none(triangles: usize) -> Self {
         let mut neighbours = Self::default();
@@ -51,20 +51,20 @@ impl Neighbours {
         neighbours
     }
 
-    /// The neighbours of a triangle; some may come more than once.
+    /// Returns the neighbors of a triangle. Some may occur more than once.
     pub fn of(&self, triangle: u32) -> impl Iterator<Item = u32> {
         let at = |p: u32| &self.list[self.starts[p as usize]..self.starts[p as usize + 1]];
         let around = self.corners[triangle as usize].into_iter().flat_map(at);
         around.copied().filter(move |&k| k != triangle)
     }
 
-    /// Whether two triangles share a vertex.
+    /// Returns whether two triangles share a vertex.
     pub fn are(&self, k: u32, l: u32) -> bool {
         let (p, q) = (self.corners[k as usize], self.corners[l as usize]);
         k != l && p.iter().any(|v| q.contains(v))
     }
 
-    /// Adds an object's triangles, whose corners are at some of its places.
+    /// Adds an object's triangles. `corners` has the place of each corner, `places` is the number of places.
     fn push_object(&mut self, mut corners: Vec<[u32; 3]>, places: usize) {
         let (first, base) = (self.corners.len() as u32, self.list.len());
         let mut starts = vec![0usize; places + 1];
@@ -112,7 +112,7 @@ impl Hasher for Mix {
     }
 }
 
-/// Vertices of an object by place.
+/// The vertices of an object, grouped by place.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Weld {
     /// The place of each vertex.
@@ -122,11 +122,12 @@ pub struct Weld {
 }
 
 impl Weld {
-    /// Joins the vertices that are at the same place.
+    /// Joins the vertices that have the same position.
     pub fn new(positions: &[[f64; 3]]) -> Self {
-        // −0 and 0 are one place.
+        // −0 and 0 are the same place.
         let key = |p: &[f64; 3]| p.map(|x| (x + 0.0).to_bits());
-        // A bit for each value of a hash that vertices have, and for each that several have: others are alone.
+        // Two sets of hash values: `once` for values of at least one vertex, `again` for values of several. A vertex
+        // whose value is not in `again` is alone.
         let bits = (16 * positions.len()).next_power_of_two().max(64);
         let (mut once, mut again) = (vec![0u64; bits / 64], vec![0u64; bits / 64]);
         let place_of = |p: &[f64; 3]| {
@@ -171,8 +172,8 @@ impl Weld {
 }
 
 impl Topology {
-    /// Adds an object's faces, welded by position, and says whether it is closed (every welded
-    /// edge has two faces of opposite direction).
+    /// Adds an object's faces, welded by position. The object is closed if every welded edge has two faces of opposite
+    /// direction.
     pub fn push_object(&mut self, weld: &Weld, faces: &[[u32; 3]], materials: &[u32]) {
         let object = self.object.last().map_or(0, |o| o + 1);
         let welded = &weld.of_vertex;
@@ -181,7 +182,8 @@ impl Topology {
             .map(|f| f.map(|i| welded[i as usize]))
             .collect();
 
-        // Each edge twice, once in each direction: then sorted pairs of both lists are the same.
+        // Each edge must occur once in each direction: then the sorted edges and the sorted reversed edges are the
+        // same.
         let directed = |turned: bool| {
             let mut edges: Vec<u64> = corners
                 .iter()

@@ -1,11 +1,11 @@
-//! Triangles as planes, with a frame in each.
+//! Triangles as planes, each with a frame.
 
 use burn::tensor::{Bool, Tensor};
 
 use super::context::{Context, detached};
 use super::vec3::Vec3;
 
-/// Per-corner data of the triangles: three vectors `[T, 1]` each.
+/// Data of the triangles' corners: three vectors of planes `[T, 1]`.
 #[derive(Clone, Debug)]
 pub struct VertexData {
     pub a: Vec3,
@@ -13,16 +13,16 @@ pub struct VertexData {
     pub c: Vec3,
 }
 
-/// The triangles of a scene, flattened: every plane is a column `[T, 1]`, positions are relative
-/// to the centre of the scene's bounds, in units of about its radius.
+/// The triangles of a scene, flattened. Every plane is a column `[T, 1]`. Positions are relative to the center of the
+/// scene's normalization, in units of about its radius.
 ///
-/// Each triangle carries an orthonormal frame in its plane, with corner a at the origin, b at
-/// `(base, 0)` and c at `(apex_u, apex_v)`, `apex_v > 0`.
+/// Each triangle has an orthonormal frame in its plane, with corner a at the origin, b at `(base, 0)` and c at
+/// `(apex_u, apex_v)`, `apex_v > 0`.
 #[derive(Clone, Debug)]
 pub struct Triangles {
-    /// Corners, with degenerate triangles replaced by a unit one so that nothing divides by zero.
+    /// Corners. Degenerate triangles are replaced by a unit triangle, to avoid division by zero.
     pub corners: VertexData,
-    /// Unit normal, counter-clockwise front.
+    /// Unit normal of the front, on which the corners run counter-clockwise.
     pub normal: Vec3,
     /// Unit vector from a towards b.
     pub u: Vec3,
@@ -44,12 +44,12 @@ pub struct Triangles {
     pub area: Tensor<2>,
     /// Whether the triangle has area.
     pub valid: Tensor<2, Bool>,
-    /// Linear velocity over the shutter, where anything moves.
+    /// Linear velocity over the shutter, if any object moves.
     pub velocity: Option<Vec3>,
 }
 
 impl Triangles {
-    /// Frames and planes from corners (columns `[T, 1]`, relative to the centre of the bounds).
+    /// Computes frames and planes from corners (columns `[T, 1]`, relative to the center of the normalization).
     pub fn new(context: &Context, corners: VertexData, velocity: Option<Vec3>) -> Self {
         let VertexData { a, b, c } = corners;
         let (ab, ac) = (detached_sub(&b, &a), detached_sub(&c, &a));
@@ -83,7 +83,7 @@ impl Triangles {
             a_v: v.dot(&a),
             apex_u: u.dot(&ac),
             apex_v: doubled_area.clone() / base.clone(),
-            // A light without area sends no light.
+            // An emitter without area emits no light.
             area: if any_invalid {
                 (doubled_area * 0.5).mask_fill(invalid, 0.0)
             } else {
@@ -108,7 +108,7 @@ fn detached_sub(a: &Vec3, b: &Vec3) -> Vec3 {
     a.detached().sub(&b.detached())
 }
 
-/// The point of a triangle's border that is nearest to a point of its plane, without tape.
+/// The point of a triangle's border that is nearest to a point in its plane, without tape.
 #[derive(Clone, Debug)]
 pub struct Nearest {
     /// Squared distance from the point to the border.
@@ -119,9 +119,9 @@ pub struct Nearest {
     pub weight_c: Tensor<2>,
 }
 
-/// The nearest point on the three edge segments to the points `(x, y)` of the triangles' frames,
-/// for pairs `[T, N]` as for drawn triangles `[1, N]`. Takes and returns values without tape: the
-/// squared distance at a fixed nearest point has the right derivative (envelope theorem).
+/// Returns the nearest points on the three edges to the points `(x, y)` in the triangles' frames, for pairs `[T, N]` or
+/// for drawn triangles `[1, N]`. Arguments and results have no tape: the squared distance at a fixed nearest point has
+/// the right derivative (envelope theorem).
 pub(crate) fn nearest_on_triangle(
     x: &Tensor<2>,
     y: &Tensor<2>,

@@ -28,7 +28,7 @@ impl Vec3 {
         Self { x, y, z }
     }
 
-    /// A constant `[1, 1]` vector.
+    /// Creates a constant vector `[1, 1]`.
     pub fn constant(context: &Context, v: [f64; 3]) -> Self {
         Self::new(
             context.row(&v[..1]),
@@ -37,13 +37,13 @@ impl Vec3 {
         )
     }
 
-    /// Constant vectors `[1, N]` from the host.
+    /// Creates constant vectors `[1, N]` from host values.
     pub fn from_host(context: &Context, vectors: &[DVec3]) -> Self {
         let axis = |k: usize| context.row(&vectors.iter().map(|v| v[k]).collect::<Vec<_>>());
         Self::new(axis(0), axis(1), axis(2))
     }
 
-    /// The rows of `[3, N]` as planes `[1, N]`.
+    /// Splits the rows of `[3, N]` into planes `[1, N]`.
     pub fn from_rows(v: Tensor<2>) -> Self {
         Self::new(
             v.clone().slice([0..1]),
@@ -52,7 +52,7 @@ impl Vec3 {
         )
     }
 
-    /// The columns of `[T, 3]` as planes `[T, 1]`.
+    /// Splits the columns of `[T, 3]` into planes `[T, 1]`.
     pub fn from_columns(v: Tensor<2>) -> Self {
         Self::new(
             v.clone().narrow(1, 0, 1),
@@ -61,17 +61,17 @@ impl Vec3 {
         )
     }
 
-    /// The planes `[1, N]` as `[3, N]`.
+    /// Joins planes `[1, N]` to `[3, N]`.
     pub fn rows(&self) -> Tensor<2> {
         Tensor::cat(vec![self.x.clone(), self.y.clone(), self.z.clone()], 0)
     }
 
-    /// The planes `[T, 1]` as `[T, 3]`.
+    /// Joins planes `[T, 1]` to `[T, 3]`.
     pub fn columns(&self) -> Tensor<2> {
         Tensor::cat(vec![self.x.clone(), self.y.clone(), self.z.clone()], 1)
     }
 
-    /// Vectors one after another along a dimension.
+    /// Concatenates vectors along a dimension.
     pub fn cat(parts: &[Self], dim: usize) -> Self {
         let plane = |f: fn(&Self) -> &Tensor<2>| {
             Tensor::cat(parts.iter().map(|p| f(p).clone()).collect(), dim)
@@ -95,7 +95,7 @@ impl Vec3 {
         Self::new(detached(&self.x), detached(&self.y), detached(&self.z))
     }
 
-    /// Whether any plane takes part in an autodiff graph.
+    /// Whether any plane is tracked.
     pub fn is_tracked(&self) -> bool {
         self.x.is_tracked() || self.y.is_tracked() || self.z.is_tracked()
     }
@@ -108,12 +108,12 @@ impl Vec3 {
         self.zip(o, |a, b| a - b)
     }
 
-    /// Product by components.
+    /// Componentwise product.
     pub fn mul(&self, o: &Self) -> Self {
         self.zip(o, |a, b| a * b)
     }
 
-    /// Product with a scalar a ray (or a triangle).
+    /// Product with one scalar per ray (or per triangle).
     pub fn scale(&self, s: &Tensor<2>) -> Self {
         self.map(|a| a * s.clone())
     }
@@ -138,41 +138,40 @@ impl Vec3 {
         )
     }
 
-    /// The unit vector of this direction; zero vectors must have been excluded.
+    /// Returns the unit vectors. No vector may be 0.
     pub fn normalized(&self) -> Self {
         let length = self.dot(self).sqrt();
         self.map(|a| a / length.clone())
     }
 
-    /// The elements (of columns `[T, 1]` or rows `[1, T]`) named by a row of indices, as rows
-    /// `[1, N]`.
+    /// Returns the elements (of columns `[T, 1]` or rows `[1, T]`) at a row of indices, as rows `[1, N]`.
     pub fn gather(&self, index: &Tensor<2, Int>) -> Self {
         self.map(|a| gather_row(a, index))
     }
 }
 
-/// Elements of a column `[T, 1]` or row `[1, T]` named by a row of indices `[1, N]`, as a row.
+/// Returns the elements of a column `[T, 1]` or row `[1, T]` at a row of indices `[1, N]`, as a row.
 pub(crate) fn gather_row(plane: Tensor<2>, index: &Tensor<2, Int>) -> Tensor<2> {
     let [a, b] = plane.dims();
     plane.reshape([1, a * b]).gather(1, index.clone())
 }
 
-/// Three planes on the host, as vectors.
+/// Reads three planes back to the host, as vectors.
 pub(crate) fn host_vectors(v: &Vec3) -> Result<Vec<DVec3>> {
     let (x, y, z) = (host_values(&v.x)?, host_values(&v.y)?, host_values(&v.z)?);
     let vector = |i: usize| DVec3::new(x[i], y[i], z[i]);
     Ok((0..x.len()).map(vector).collect())
 }
 
-/// All first entries of the rows, then all second ones, and so on.
+/// Returns all first entries of the rows, then all second entries, and so on.
 pub(crate) fn columns<const N: usize>(rows: &[[u32; N]]) -> Vec<u32> {
     (0..N)
         .flat_map(|i| rows.iter().map(move |r| r[i]))
         .collect()
 }
 
-/// The columns `[3B, n]` of these numbers `[1, n]`. It uses `gather`, whose backward pass is parallel on
-/// GPUs where that of `select` is serial.
+/// Returns the columns `[3B, n]` at these indices `[1, n]`. It uses `gather`, whose backward pass is parallel on GPUs;
+/// the backward pass of `select` is serial.
 pub(crate) fn gather_columns(planes: &Tensor<2>, index: &Tensor<2, Int>) -> Tensor<2> {
     let ([rows, _], [_, n]) = (planes.dims(), index.dims());
     planes.clone().gather(1, index.clone().expand([rows, n]))
@@ -185,20 +184,20 @@ pub(crate) fn split(planes: &Tensor<2>) -> Vec3 {
     Vec3::new(axis(0), axis(1), axis(2))
 }
 
-/// Planes `[3B, V]` in units of each mesh's extent, which is a constant to the gradient: for angles,
-/// so that powers of lengths stay within what floats hold.
+/// Scales planes `[3B, V]` by the inverse of each mesh's extent, which is a constant for gradients. It is used for
+/// angles: powers of lengths stay in the range of floats.
 pub(crate) fn unit_size(planes: Tensor<2>) -> Tensor<2> {
     let plain = planes.clone().detach();
     let extent = plain.clone().max_dim(1) - plain.min_dim(1);
     let axes = split(&extent);
     let extent = axes.x.max_pair(axes.y).max_pair(axes.z);
-    // Smaller ones have no reciprocal in f32.
+    // Smaller extents have no reciprocal in f32.
     let none = extent.clone().lower_elem(f64::from(f32::MIN_POSITIVE));
     let scale = extent.mask_fill(none, 1.0).recip();
     planes * Tensor::cat(vec![scale; 3], 0)
 }
 
-/// Length of vectors; that of 0 has no gradient.
+/// Returns the length of vectors. The length of the vector 0 has no gradient.
 pub(crate) fn length(v: &Vec3) -> Tensor<2> {
     let square = v.dot(v);
     let none = square.clone().lower_equal_elem(0.0);

@@ -1,5 +1,5 @@
-//! Is a gradient right? [`gradcheck`] compares autodiff with central differences of renders of the
-//! same scene, with standard errors, on a scene of the caller's.
+//! Gradient checks. [`gradcheck`] compares autodiff with central differences of renders of the caller's scene, with
+//! standard errors.
 
 mod parameter;
 mod report;
@@ -14,9 +14,10 @@ pub use report::{Estimate, Report, Row, Verdict};
 use run::{Direction, Run, point};
 pub use settings::GradCheck;
 
-/// Compares autodiff with central differences of renders. `build` makes scene and camera from the
-/// parameters; it is called for every render, from several threads on a CPU. The bounds of the scene
-/// are held fixed: at those of the options, or else of the scene itself.
+/// Compares gradients by autodiff with central differences of renders.
+///
+/// `build` makes the scene and the camera from the parameters. It runs for every render, on several threads on a CPU.
+/// The bounds of the scene are fixed to those of the options if set, and to the initial scene's otherwise.
 ///
 /// ```
 /// use softray::gradcheck::{Checked, GradCheck, gradcheck};
@@ -39,7 +40,8 @@ pub use settings::GradCheck;
 /// ```
 ///
 /// # Errors
-/// If a parameter is malformed, the scene can't be rendered, or it does not depend on a parameter.
+/// If parameters or their names are not valid, `build` fails, the scene can't be rendered, or the objective does not
+/// depend on the checked parameters.
 pub fn gradcheck(
     parameters: &[Checked],
     settings: &GradCheck,
@@ -75,7 +77,7 @@ pub fn gradcheck(
     Ok(Report { rows })
 }
 
-/// Checks that there are parameters, under names that tell them apart.
+/// Checks that there are parameters, that their names are unique, and that `only` lists some of them.
 fn check_names(parameters: &[Checked], settings: &GradCheck) -> Result<()> {
     let unless = |valid, field: &str, value: &str, expected: &str| {
         Error::unless(valid, "gradcheck", field, value, expected)

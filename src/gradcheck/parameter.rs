@@ -4,7 +4,7 @@ use burn::tensor::{DType, Device, Tensor};
 
 use crate::error::{Error, Result, one_of};
 
-/// A parameter to check: a tensor `[C]`, component by component or along one direction.
+/// A parameter to check: a tensor `[C]`, differentiated component by component or along one direction.
 #[derive(Clone, Debug)]
 pub struct Checked {
     pub(super) name: String,
@@ -14,8 +14,9 @@ pub struct Checked {
 }
 
 impl Checked {
-    /// By name, with its values and the step h of (f(x + h) − f(x − h))/2h, which is off by about
-    /// h²·f'''/6: a few per cent of what the parameter means for the scene.
+    /// Makes a parameter from its name, its values and the step h of the central difference (f(x + h) − f(x − h))/2h.
+    /// The difference has an error of about h²·f'''/6. A suitable step is a few percent of the parameter's scale in the
+    /// scene.
     pub fn new(name: impl Into<String>, values: impl Into<Vec<f64>>, step: f64) -> Self {
         Self {
             name: name.into(),
@@ -25,14 +26,14 @@ impl Checked {
         }
     }
 
-    /// Checks the derivative along one direction in place of each component's: for parameters
-    /// with many, such as vertices.
+    /// Checks one directional derivative instead of each component's derivative. This suits parameters with many
+    /// components, such as vertices. `direction` has one finite number per value.
     pub fn along(mut self, direction: impl Into<Vec<f64>>) -> Self {
         self.direction = Some(direction.into());
         self
     }
 
-    /// The directions to check, by name.
+    /// The directions to check, with their names.
     pub(super) fn directions(&self) -> Vec<(String, Vec<f64>)> {
         let n = self.values.len();
         if let Some(d) = &self.direction {
@@ -65,21 +66,21 @@ impl Checked {
     }
 }
 
-/// The parameters as tensors, handed to the closure that builds a scene.
+/// The parameters as tensors, for the closure that builds a scene.
 #[derive(Clone, Debug)]
 pub struct Point {
-    /// The device that the scene has to be on.
+    /// The device for the scene.
     pub device: Device,
-    /// The float type that all of the scene's tensors need: see [`Mesh::cast`](crate::scene::Mesh::cast).
+    /// The float type for all tensors of the scene; see [`Mesh::cast`](crate::scene::Mesh::cast).
     pub dtype: DType,
     pub(super) tensors: Vec<(String, Tensor<1>)>,
 }
 
 impl Point {
-    /// A parameter `[C]`, in the graph where autodiff is asked.
+    /// Returns a parameter `[C]`. It is tracked in renders for autodiff if it is to be checked.
     ///
     /// # Errors
-    /// If there is none of that name.
+    /// If there is no parameter with that name.
     pub fn get(&self, name: &str) -> Result<Tensor<1>> {
         let found = self.tensors.iter().find(|(n, _)| n == name);
         found.map(|(_, t)| t.clone()).ok_or_else(|| {

@@ -1,4 +1,4 @@
-//! Derivatives by both ways, and the report of them.
+//! Derivatives by both methods, and their report.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use std::fmt;
 pub struct Estimate {
     /// The mean.
     pub mean: f64,
-    /// Its standard error.
+    /// The standard error of the mean.
     pub error: f64,
     /// The number of seeds.
     pub seeds: u64,
@@ -29,46 +29,46 @@ impl Estimate {
 /// The outcome of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Precise, and the same.
+    /// The comparison is precise, and no disagreement is significant.
     Agrees,
-    /// Not the same.
+    /// The difference exceeds both 3.5 standard errors and the tolerance.
     Disagrees,
-    /// Not told apart, but the budget was spent before the standard errors were small enough.
+    /// No disagreement is significant, but the seeds ran out before the standard error was small enough.
     Undecided,
 }
 
-/// One derivative by both ways.
+/// One derivative by both methods.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// The parameter, with the component where it has several.
+    /// The parameter's name, with the component's index if it has several.
     pub parameter: String,
-    /// By autodiff.
+    /// The derivative by autodiff.
     pub gradient: Estimate,
-    /// By central differences.
+    /// The derivative by central differences.
     pub difference: Estimate,
-    /// gradient − difference: its error is smaller than both errors where they share noise.
+    /// gradient − difference. Its standard error is smaller than both others if they share noise.
     pub apart: Estimate,
-    /// The outcome.
+    /// The outcome of the comparison.
     pub verdict: Verdict,
 }
 
 impl Row {
-    /// gradient/difference − 1.
+    /// Returns gradient/difference − 1.
     pub fn relative(&self) -> f64 {
         self.gradient.mean / self.difference.mean - 1.0
     }
 
-    /// |gradient − difference| in standard errors.
+    /// Returns |gradient − difference| in standard errors.
     fn standard_errors(&self) -> f64 {
         let Estimate { mean, error, .. } = self.apart;
         if mean == 0.0 { 0.0 } else { mean.abs() / error }
     }
 }
 
-/// The result of [`gradcheck`](super::gradcheck); prints as a table.
+/// The result of [`gradcheck`](super::gradcheck). It prints as a table.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// One row for each derivative.
+    /// The rows, one for each derivative.
     pub rows: Vec<Row>,
 }
 
@@ -78,7 +78,7 @@ impl Report {
         self.rows.iter().all(|r| r.verdict == Verdict::Agrees)
     }
 
-    /// The mean of |gradient/difference − 1| over derivatives that are not 0.
+    /// Returns the mean of |gradient/difference − 1| over rows whose difference is not 0.
     pub fn mean_relative_error(&self) -> f64 {
         let rows = self.rows.iter().filter(|r| r.difference.mean != 0.0);
         let errors: Vec<f64> = rows.map(|r| r.relative().abs()).collect();

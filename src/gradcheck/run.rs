@@ -1,4 +1,4 @@
-//! Estimates of derivatives over seeds.
+//! Estimates derivatives over seeds.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ use crate::geometry::host_values;
 use crate::render::{RenderOptions, render};
 use crate::scene::{Camera, Scene};
 
-/// The parameters as tensors, in a graph if they are to be tracked.
+/// Makes tensors of the parameters. With `track`, those to check are tracked.
 pub(super) fn point(
     parameters: &[Checked],
     settings: &GradCheck,
@@ -36,15 +36,15 @@ pub(super) fn point(
     }
 }
 
-/// A direction in which a parameter is differentiated.
+/// A direction along which a parameter is differentiated.
 pub(super) struct Direction {
-    /// The number of the parameter.
+    /// The index of the parameter.
     pub parameter: usize,
     pub name: String,
     pub vector: Vec<f64>,
 }
 
-/// A comparison that runs.
+/// A running comparison.
 pub(super) struct Run<'a, F> {
     pub parameters: &'a [Checked],
     pub settings: &'a GradCheck,
@@ -63,7 +63,7 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
         self.parameters.iter().map(|p| p.values.clone()).collect()
     }
 
-    /// Values by seed.
+    /// Returns the values of `f` for each seed.
     fn over<T: Send>(
         &self,
         seeds: Range<u64>,
@@ -75,8 +75,8 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
         }
     }
 
-    /// Both derivatives by each direction. Both take the same seeds, so that the noise that they share does not count;
-    /// a direction takes seeds until the error of what they are apart is small enough.
+    /// Returns both derivatives along each direction. Both use the same seeds, so that shared noise cancels. Seeds are
+    /// added to a direction until the standard error of gradient − difference is small enough.
     pub fn rows(&self, directions: &[Direction]) -> Result<Vec<Row>> {
         let mut gradients: Vec<Vec<f64>> = Vec::new();
         let mut differences = vec![Vec::new(); directions.len()];
@@ -100,7 +100,7 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
                     .settings
                     .row(&direction.name, &by_seed, &differences[c]);
                 if !self.settings.precise(&row) {
-                    // The noisiest needs so many times the seeds.
+                    // The noisiest row sets the factor of the number of seeds.
                     let goal = self.settings.precision * row.difference.mean.abs();
                     factor = factor.max((row.apart.error / goal).powi(2));
                 }
@@ -114,7 +114,7 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
         }
     }
 
-    /// A derivative by central differences.
+    /// Returns a derivative by central differences.
     fn difference(&self, direction: &Direction, seed: u64) -> Result<f64> {
         let parameter = direction.parameter;
         let step = self.parameters[parameter].step;
@@ -129,7 +129,7 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
         Ok((at(1.0)? - at(-1.0)?) / (2.0 * step))
     }
 
-    /// Derivatives by autodiff.
+    /// Returns the derivatives by autodiff.
     fn gradients(&self, directions: &[Direction], seed: u64) -> Result<Vec<f64>> {
         let point = point(self.parameters, self.settings, &self.values(), true);
         let objective = self.objective(&point, seed)?;

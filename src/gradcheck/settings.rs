@@ -1,4 +1,4 @@
-//! The settings of a comparison.
+//! The settings of a gradient check.
 
 use std::sync::Arc;
 
@@ -26,9 +26,9 @@ pub struct GradCheck {
 }
 
 impl GradCheck {
-    /// With the settings of each render, whose seed is replaced. On a CPU backend in f64, else in
-    /// f32. The objective is the mean radiance under weights that rise across the image, so that
-    /// no symmetry cancels.
+    /// Makes settings from the options of the renders, whose seed is replaced. Tensors are f64 on a CPU backend and f32
+    /// on others. By default the objective is the mean radiance with weights that rise across the image, so that
+    /// symmetric contributions don't cancel.
     pub fn new(options: RenderOptions, device: &Device) -> Self {
         let device = device.clone().inner();
         let dtype = match is_cpu(&device) {
@@ -59,51 +59,52 @@ impl GradCheck {
         }
     }
 
-    /// Renders are added until the standard error of gradient − difference is under this share of the difference
-    /// (1 % by default).
+    /// Sets the precision, as a fraction of the difference (0.01 by default). Renders are added until the standard
+    /// error of gradient − difference is at most this.
     pub fn precision(mut self, share: f64) -> Self {
         self.precision = share;
         self
     }
 
-    /// A disagreement is more than 3.5 standard errors and more than this share of the difference,
-    /// which is what steps of a finite size may be off by (3 % by default).
+    /// Sets the tolerance, as a fraction of the difference (0.03 by default). It allows for the error of finite steps.
+    /// A disagreement exceeds both the tolerance and 3.5 standard errors.
     pub fn tolerance(mut self, share: f64) -> Self {
         self.tolerance = share;
         self
     }
 
-    /// The least and the most seeds (32 and 4,096 by default). A gradient takes one render a seed, a difference two.
+    /// Sets the minimum and maximum number of seeds (32 and 4,096 by default, at least 2). Per seed, a gradient takes
+    /// one render and a difference two.
     pub fn seeds(mut self, least: u64, most: u64) -> Self {
         self.least = least.max(2);
         self.budget = most.max(least).max(2);
         self
     }
 
-    /// Checks only the parameters of these names; the scene gets all, the others as constants.
+    /// Checks only the parameters with these names. The others are constants of the scene.
     pub fn only(mut self, names: &[&str]) -> Self {
         self.only = Some(names.iter().map(|n| (*n).to_owned()).collect());
         self
     }
 
-    /// Whether a parameter is one to check.
+    /// Whether a parameter is to be checked.
     pub(super) fn checks(&self, p: &Checked) -> bool {
         let only = self.only.as_ref();
         only.is_none_or(|names| names.contains(&p.name))
     }
 
-    /// The function that is differentiated: a scalar `[1]` of the radiance `[H, W, 3]`.
+    /// Sets the differentiated function, from the radiance `[H, W, 3]` to a scalar `[1]`.
     pub fn objective(mut self, f: impl Fn(Tensor<3>) -> Tensor<1> + Send + Sync + 'static) -> Self {
         self.objective = Arc::new(f);
         self
     }
 
-    /// Whether the standard error of a row is small enough beside its difference.
+    /// Whether the standard error of a row is small enough relative to its difference.
     pub(super) fn precise(&self, row: &Row) -> bool {
         row.apart.error <= self.precision * row.difference.mean.abs()
     }
 
-    /// Of gradients and differences by seed.
+    /// Makes a row from the gradients and differences of all seeds.
     pub(super) fn row(&self, parameter: &str, gradients: &[f64], differences: &[f64]) -> Row {
         let pairs = gradients.iter().zip(differences);
         let mut row = Row {

@@ -1,4 +1,4 @@
-//! Animations as GIF files.
+//! Writes animations as GIF files.
 
 use std::path::Path;
 
@@ -11,13 +11,13 @@ use crate::error::{Error, Result};
 use crate::render::{Batch, RenderOptions, render_batch};
 use crate::scene::{Camera, Detach, Scene, visit_camera, visit_scene};
 
-/// The effort of the search for the 256 colours of a frame, from 1 (best) to 30 (fastest).
+/// The speed of the search for the 256 colors of a frame, from 1 (best) to 30 (fastest).
 const QUANTISER_SPEED: i32 = 3;
 
-/// GIF counts time in hundredths of a second.
+/// GIF measures time in hundredths of a second.
 const TICKS_PER_SECOND: f64 = 100.0;
 
-/// Frames that are shown in turn, in a loop.
+/// An animation: frames that are shown in sequence, in a loop.
 ///
 /// ```no_run
 /// # use softray::prelude::*;
@@ -40,10 +40,10 @@ pub struct Animation {
 }
 
 impl Animation {
-    /// An animation of linear RGB images, 25 of them a second.
+    /// Creates an animation from linear RGB images, with 25 frames per second.
     ///
     /// # Errors
-    /// When there is none, or one of another size than the first.
+    /// If there are no images, or their sizes differ.
     pub fn new(frames: Vec<HostImage>) -> Result<Self> {
         let Some(first) = frames.first() else {
             let expected = "at least one";
@@ -67,12 +67,12 @@ impl Animation {
         })
     }
 
-    /// Renders a scene as each camera sees it, such as a turntable. Nothing is recorded for
-    /// gradients, and every frame has random numbers of its own
-    /// ([`RenderOptions::of_view`]).
+    /// Renders a scene from each camera, for example as a turntable.
+    ///
+    /// Nothing is recorded for gradients. Every frame has its own random numbers ([`RenderOptions::of_view`]).
     ///
     /// # Errors
-    /// As [`render_batch`], and when there is no camera.
+    /// As [`render_batch`], or if there is no camera.
     pub fn render(
         scene: &Scene,
         cameras: impl IntoIterator<Item = Camera>,
@@ -91,24 +91,25 @@ impl Animation {
         Self::new(frames.collect::<Result<_>>()?)
     }
 
-    /// Sets the number of frames a second, in (0, 50].
+    /// Sets the number of frames per second, in (0, 50].
     pub fn frames_per_second(mut self, frames_per_second: f64) -> Self {
         self.frames_per_second = frames_per_second;
         self
     }
 
-    /// The frames.
+    /// Returns the frames.
     pub fn frames(&self) -> &[HostImage] {
         &self.frames
     }
 
-    /// Writes a `.gif` that loops forever, in sRGB clipped to [0, 1]: each frame has 256 colours of its
-    /// own. Frames last whole hundredths of a second; where these don't fit the rate, they differ by one.
-    /// The file appears under its name only when it is complete.
+    /// Writes a `.gif` that loops forever, in sRGB clipped to [0, 1], with 256 colors for each frame.
+    ///
+    /// Frames last whole hundredths of a second. If the rate does not fit, durations differ by one hundredth. The
+    /// file appears under its name only when it is complete.
     ///
     /// # Errors
-    /// When the ending is another one, the rate is outside of its range, frames have more than 65,535
-    /// columns or rows, or the system fails.
+    /// If the extension is another one, the rate is out of range, frames have more than 65,535 columns or rows, or
+    /// the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         self.write_file(path.as_ref())
     }
@@ -116,7 +117,7 @@ impl Animation {
     fn write_file(&self, path: &Path) -> Result<()> {
         ending(path, &["gif"])?;
         let rate = self.frames_per_second;
-        // Viewers show what lasts less than two hundredths for ten.
+        // Viewers show frames of less than two hundredths for ten hundredths.
         let valid = rate > 0.0 && rate <= 50.0;
         let field = "frames_per_second";
         Error::unless(valid, "animation", field, rate, "a number in (0, 50]")?;
@@ -139,10 +140,10 @@ impl Animation {
     }
 }
 
-/// Hundredths of a second of a frame: rounded so that they add up to the rate.
+/// Returns the duration of a frame in hundredths of a second, rounded so that durations add up to the rate.
 fn ticks(frame: usize, rate: f64) -> u32 {
     let end = |frame: usize| (frame as f64 * TICKS_PER_SECOND / rate).round();
-    // What GIF can hold.
+    // The longest duration in a GIF.
     (end(frame + 1) - end(frame)).min(f64::from(u16::MAX)) as u32
 }
 

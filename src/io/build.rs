@@ -1,4 +1,4 @@
-//! Scenes from descriptions: the one place that says which of their parts this crate renders.
+//! Builds scenes from descriptions. Only this step decides which parts of a description are rendered.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use crate::scene::{CornerAttribute, List, Material, Mesh, Object, Scene, host_te
 
 const ZERO_NORMALS: &str = "objects have normals of zero length, so that none of theirs are used";
 
-/// Makes the scene of a file's description.
+/// Builds the scene of a file from its description.
 pub(super) fn scene(description: &Description, place: Place) -> Result<Scene> {
     let mut builder = Builder {
         description,
@@ -35,9 +35,9 @@ struct Builder<'a> {
     description: &'a Description,
     device: &'a Device,
     materials: Materials<'a>,
-    /// The materials of each mesh that was built, and which of them its faces have.
+    /// The materials of each mesh that was built, and the index of each face's material.
     lists: HashMap<usize, (List<Material>, Arc<Vec<u32>>)>,
-    /// Meshes where they are described, for instances that are mirrored alike.
+    /// Meshes before their transform, by index and by whether the instance is mirrored.
     templates: HashMap<(usize, bool), Mesh>,
 }
 
@@ -62,7 +62,7 @@ impl Builder<'_> {
         Ok(built)
     }
 
-    /// The materials of an object's mesh.
+    /// Returns the materials of an object's mesh.
     fn list(&mut self, object: &ObjectDescription, has_uvs: bool) -> Result<List<Material>> {
         let used = self.description.meshes[object.mesh].materials.iter();
         let materials = used.map(|&index| {
@@ -75,7 +75,8 @@ impl Builder<'_> {
         materials.collect()
     }
 
-    /// A mesh at its place. A mirror image is wound the other way, so that its front stays outside.
+    /// Returns the mesh of an object in world space. If the transform mirrors, the winding is reversed, so that the
+    /// front stays outside.
     fn mesh(&mut self, object: &ObjectDescription) -> Mesh {
         let (description, device) = (self.description, self.device);
         let (from, to_world) = (&description.meshes[object.mesh], &object.to_world);
@@ -117,7 +118,7 @@ impl Builder<'_> {
     }
 }
 
-/// A mesh where it is described.
+/// Returns a mesh before its transform.
 fn template(from: &MeshDescription, mirrored: bool, device: &Device) -> Mesh {
     let faces = wound(&from.faces, mirrored);
     let mut mesh = Mesh::of_faces(host_tensor(&from.positions, device), faces);
@@ -129,7 +130,7 @@ fn template(from: &MeshDescription, mirrored: bool, device: &Device) -> Mesh {
     mesh
 }
 
-/// An attribute of a mesh with so many faces, or None unless every one has it.
+/// Returns an attribute of a mesh with `faces` faces, or `None` unless every face has it.
 fn attribute<const C: usize>(
     corners: &Corners<C>,
     faces: usize,
@@ -150,8 +151,8 @@ fn wound(faces: &[[u32; 3]], mirrored: bool) -> Arc<Vec<[u32; 3]>> {
     })
 }
 
-/// The matrix of normals for one of positions: its cofactors, which are its inverse's transpose times its
-/// determinant, turned so that normals stay outside where it mirrors.
+/// Returns the matrix that transforms normals when `m` transforms positions: the cofactors of `m`, which are its
+/// inverse transpose times its determinant. If `m` mirrors, the sign is flipped, so that normals stay outside.
 fn of_normals(m: DMat3) -> DMat3 {
     let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
     let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));

@@ -9,7 +9,7 @@ use super::limits::Place;
 use super::textures::Textures;
 use crate::error::Result;
 use crate::geometry::host_values;
-use crate::scene::{Albedo, AlphaMask, Material, NormalMap, ScalarTexture, Wrap};
+use crate::scene::{AlphaMask, Bsdf, ColorTexture, Material, NormalMap, ScalarTexture, Wrap};
 
 /// The channels of an image of metal and roughness.
 const ROUGHNESS: usize = 1;
@@ -22,7 +22,7 @@ const SCALED: &str = "Kd + Ks is above 1 in these materials, so that their Ks is
 
 /// An albedo and the largest value of each channel.
 struct Bounded {
-    albedo: Albedo,
+    albedo: ColorTexture,
     largest: [f64; 3],
 }
 
@@ -73,8 +73,8 @@ impl<'a> Materials<'a> {
     }
 
     fn make(&mut self, from: &MaterialDescription) -> Result<Material> {
-        let mut material = self.bsdf(from)?.named(from.name.clone());
-        material.compensated = from.compensated;
+        let material = self.bsdf(from)?.named(from.name.clone());
+        let mut material = material.compensated(from.compensated);
         let (map, scale) = from.normal.unzip();
         if let (Some(TextureUse { image, wrap }), Some(scale)) = (self.textures.found(map)?, scale)
         {
@@ -108,7 +108,7 @@ impl<'a> Materials<'a> {
         match &from.own {
             Some(OwnBsdf::Phong { albedo, shininess }) => {
                 let specular = self.specular(albedo, &base, &from.name)?;
-                return Ok(Material::diffuse(base.albedo).specular(specular, *shininess));
+                return Ok(Material::phong(base.albedo, specular, *shininess));
             }
             Some(OwnBsdf::Conductor { eta, extinction }) => {
                 return Ok(Material::conductor(*eta, *extinction, roughness(self)?));
@@ -122,11 +122,12 @@ impl<'a> Materials<'a> {
             }
             let nearly_1 = (from.ior - 1.0).abs() < LEAST_IOR - 1.0;
             let ior = if nearly_1 { LEAST_IOR } else { from.ior };
-            let clear = Material::dielectric(ior, roughness(self)?);
-            return Ok(Material {
-                diffuse: base,
-                ..clear
-            });
+            return Ok(Material::new(Bsdf::Dielectric {
+                tint: base,
+                ior: ior.into(),
+                roughness: roughness(self)?,
+                compensated: true,
+            }));
         }
         if from.transmission > 0.0 && !only_metal {
             self.drops("transmission of less than all light, or beside metal");
@@ -149,7 +150,7 @@ impl<'a> Materials<'a> {
     }
 
     /// The albedo of Phong's lobe: at most so much that no more light leaves than arrives.
-    fn specular(&mut self, colour: &Colour, base: &Bounded, name: &str) -> Result<Albedo> {
+    fn specular(&mut self, colour: &Colour, base: &Bounded, name: &str) -> Result<ColorTexture> {
         let specular = self.bounded(colour)?;
         // While textures are counted nothing is known of their texels.
         if self.textures.counting || !specular.albedo.reflects() {
@@ -171,8 +172,8 @@ impl<'a> Materials<'a> {
     fn share_of_gloss(&mut self, base: &Bounded, of: &Bounded, colour: &Colour) -> Result<f64> {
         let share = match (&base.albedo, &of.albedo, colour.texture) {
             (
-                Albedo::Texture { texels: kd, .. },
-                Albedo::Texture { texels: ks, .. },
+                ColorTexture::Texture { texels: kd, .. },
+                ColorTexture::Texture { texels: ks, .. },
                 Some((texture, _)),
             ) if kd.dims() == ks.dims() => {
                 self.textures.take(texture.image)?;
@@ -189,7 +190,7 @@ impl<'a> Materials<'a> {
         Ok(share.max(0.0))
     }
 
-    fn colour(&mut self, colour: &Colour) -> Result<Albedo> {
+    fn colour(&mut self, colour: &Colour) -> Result<ColorTexture> {
         Ok(self.bounded(colour)?.albedo)
     }
 
@@ -202,7 +203,7 @@ impl<'a> Materials<'a> {
             Some((TextureUse { image, wrap }, factor)) => {
                 let texels = self.textures.colours(image, factor)?;
                 Bounded {
-                    albedo: Albedo::Texture {
+                    albedo: ColorTexture::Texture {
                         texels: texels.tensor,
                         wrap,
                     },
@@ -258,30 +259,7 @@ impl<'a> Materials<'a> {
 
 /// A material without textures for an object that has no coordinates: their means.
 pub(super) fn untextured(mut material: Material, object: &str) -> Material {
-    let mut lost = false;
-    let colours = [
-        &mut material.diffuse,
-        &mut material.specular,
-        &mut material.emission,
-    ];
-    for albedo in colours {
-        if let Albedo::Texture { texels, .. } = albedo {
-            let mean: Tensor<1> = texels.clone().mean_dim(0).mean_dim(1).reshape([3]);
-            *albedo = mean.into();
-            lost = true;
-        }
-    }
-    let numbers = [
-        &mut material.metallic,
-        &mut material.roughness,
-        &mut material.ior,
-    ];
-    for number in numbers {
-        if let ScalarTexture::Texture { texels, .. } = number {
-            *number = texels.clone().mean().into();
-            lost = true;
-        }
-    }
+    let lost = material.take_means();
     if material.normal_map.take().is_some() | material.alpha_mask.take().is_some() {
         let name = &material.name;
         log::warn!(

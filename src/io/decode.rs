@@ -1,4 +1,4 @@
-//! Images of files and buffers, decoded.
+//! Decodes images from files and buffers.
 
 use std::io::{BufRead, BufReader, Seek};
 use std::path::Path;
@@ -9,16 +9,16 @@ use super::limits::{LoadLimits, open};
 use super::srgb::decode_srgb;
 use crate::error::{Error, Result};
 
-/// An image as a file has it.
+/// A decoded image with the values of its file.
 pub(super) struct Decoded {
     image: DynamicImage,
-    /// Whether its numbers are linear: EXR and HDR.
+    /// Whether the values are linear (EXR and HDR).
     linear: bool,
 }
 
 impl Decoded {
-    /// Decodes an image of a size within the limits. Messages call it by its path; the contents say what it is,
-    /// the path's ending only where they don't.
+    /// Decodes an image whose size is within the limits. Messages contain `path`. The format is detected from the
+    /// contents, and from the extension of `path` if that fails.
     pub fn read(source: impl BufRead + Seek, path: &Path, limits: &LoadLimits) -> Result<Self> {
         let (decoder, linear) = decoder(source, path)?;
         let (width, height) = decoder.dimensions();
@@ -27,24 +27,24 @@ impl Decoded {
         Ok(Self { image, linear })
     }
 
-    /// Decodes the image of a file.
+    /// Decodes an image file.
     pub fn of_file(path: &Path, limits: &LoadLimits) -> Result<Self> {
         Self::read(BufReader::new(open(path)?.0), path, limits)
     }
 
-    /// Columns and rows of an image that is not decoded.
+    /// Returns the columns and rows of an image without decoding it.
     pub fn read_size(source: impl BufRead + Seek, path: &Path) -> Result<[usize; 2]> {
         let (width, height) = decoder(source, path)?.0.dimensions();
         Ok([width as usize, height as usize])
     }
 
-    /// Columns and rows.
+    /// Returns columns and rows.
     pub fn size(&self) -> [usize; 2] {
         [self.image.width() as usize, self.image.height() as usize]
     }
 
-    /// Linear RGB, row by row: numbers that are not linear are decoded from sRGB. Grey becomes RGB and alpha is
-    /// dropped.
+    /// Returns linear RGB, row by row. Values that are not linear are decoded from sRGB. Gray becomes RGB, and alpha
+    /// is dropped.
     pub fn colours(&self) -> Vec<f32> {
         match self.linear {
             true => self.numbers(),
@@ -52,18 +52,18 @@ impl Decoded {
         }
     }
 
-    /// The numbers as they are, three a pixel row by row: those of integers stand for [0, 1].
+    /// Returns the values of the file, three per pixel, row by row. Integers are scaled to [0, 1].
     pub fn numbers(&self) -> Vec<f32> {
         self.image.to_rgb32f().into_raw()
     }
 
-    /// One channel of [`Self::numbers`].
+    /// Returns one channel of [`Self::numbers`].
     pub fn channel(&self, channel: usize) -> Vec<f32> {
         let numbers = self.numbers().into_iter();
         numbers.skip(channel).step_by(3).collect()
     }
 
-    /// The alpha of each pixel, 1 where the image has none.
+    /// Returns the alpha of each pixel, or 1 if the image has no alpha.
     pub fn alpha(&self) -> Vec<f32> {
         match self.image.color().has_alpha() {
             true => self.image.to_rgba32f().pixels().map(|p| p[3]).collect(),
@@ -76,7 +76,7 @@ fn malformed(path: &Path) -> impl Fn(ImageError) -> Error {
     move |e| Error::format(path, format!("it can't be decoded: {e}"))
 }
 
-/// Checks that columns and rows of an image are within the limits.
+/// Checks that the size of an image is within the limits.
 pub(super) fn check_size(
     [width, height]: [usize; 2],
     path: &Path,
@@ -92,7 +92,7 @@ pub(super) fn check_size(
     Err(Error::format(path, message))
 }
 
-/// The decoder of an image, and whether its numbers are linear.
+/// Returns the decoder of an image, and whether the image's values are linear.
 fn decoder<'a>(
     source: impl BufRead + Seek + 'a,
     path: &Path,
@@ -102,7 +102,7 @@ fn decoder<'a>(
         reader.set_format(format);
     }
     let mut reader = reader.with_guessed_format().map_err(Error::io(path))?;
-    // What it may take is said by its size.
+    // Memory is limited by `check_size` instead.
     reader.no_limits();
     let linear = matches!(
         reader.format(),

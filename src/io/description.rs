@@ -1,5 +1,5 @@
-//! A scene as files describe it: numbers on the host and images that are not decoded yet, with all that
-//! files say of surfaces. `build` makes a [`Scene`](crate::scene::Scene) of it.
+//! The description of a scene in a file: numbers on the host, images that are not decoded yet, and all surface
+//! properties of the file. `build` converts it to a [`Scene`](crate::scene::Scene).
 
 use std::path::PathBuf;
 
@@ -19,19 +19,19 @@ pub(super) struct Description {
     pub images: Vec<ImageSource>,
     pub cameras: Vec<NamedCamera>,
     pub lights: Vec<Light>,
-    /// What all that takes but for textures.
+    /// The memory that the scene takes without textures.
     pub memory: Memory,
-    /// What is to be said about the file.
+    /// Warnings about the file.
     pub notes: Notes,
 }
 
-/// A camera with its name, and width over height if the file says.
+/// A camera with its name, and its aspect ratio (width over height) if the file has one.
 pub(super) type NamedCamera = (String, Camera, Option<f64>);
 
-/// A mesh at a place. Several objects may share a mesh.
+/// A mesh with a transform. Several objects may share a mesh.
 pub(super) struct ObjectDescription {
     pub name: String,
-    /// Which of the meshes.
+    /// The index of the mesh.
     pub mesh: usize,
     pub to_world: DAffine3,
 }
@@ -41,20 +41,20 @@ pub(super) struct ObjectDescription {
 pub(super) struct MeshDescription {
     pub positions: Vec<[f64; 3]>,
     pub faces: Vec<[u32; 3]>,
-    /// (0, 0) at the lower left of an image.
+    /// Texture coordinates, (0, 0) at the lower left of an image.
     pub uvs: Corners<2>,
     pub normals: Corners<3>,
-    /// Linear RGB, by which the base colour is multiplied.
+    /// Linear RGB, which multiplies the base color.
     pub colours: Corners<3>,
-    /// For normal maps, with the side of the bitangent: 1 or −1.
+    /// Tangents for normal maps. The fourth number is the side of the bitangent, 1 or −1.
     pub tangents: Corners<4>,
-    /// Which of the scene's materials are used; None is the default.
+    /// Indices of the scene's materials that are used. `None` is the default material.
     pub materials: Vec<Option<usize>>,
-    /// Which of `materials` each face has; empty where all faces have the first.
+    /// The index of each face's material in `materials`. Empty if all faces have the first.
     pub face_materials: Vec<u32>,
 }
 
-/// Values of corners with their own index, as far as all faces have them.
+/// Values at face corners with their own indices. They are used only if all faces have them.
 #[derive(Default)]
 pub(super) struct Corners<const C: usize> {
     pub values: Vec<[f64; C]>,
@@ -69,17 +69,17 @@ impl<const C: usize> Corners<C> {
     }
 }
 
-/// A colour of a surface.
+/// The color of a surface.
 #[derive(Clone, Copy)]
 pub(super) struct Colour {
-    /// Linear RGB where there is no texture, or its image can't be read.
+    /// Linear RGB, used if there is no texture or its image cannot be read.
     pub plain: [f64; 3],
-    /// A texture (sRGB), and the colour by which it is multiplied.
+    /// A texture (sRGB), and the linear color that multiplies it.
     pub texture: Option<(TextureUse, [f64; 3])>,
 }
 
 impl Colour {
-    /// A colour that a texture is multiplied by, if there is one.
+    /// Returns a color that multiplies a texture, if there is one.
     pub fn times(factor: [f64; 3], texture: Option<TextureUse>) -> Self {
         Self {
             plain: factor,
@@ -88,40 +88,40 @@ impl Colour {
     }
 }
 
-/// A material of glTF's metallic–roughness model with its extensions.
+/// A material of glTF's metallic-roughness model with its extensions.
 pub(super) struct MaterialDescription {
     pub name: String,
     pub base_colour: Colour,
     pub alpha: Alpha,
-    /// Times the blue channel of the texture (linear).
+    /// Multiplies the blue channel of the texture (linear).
     pub metallic: f64,
-    /// Times the green channel of the texture (linear).
+    /// Multiplies the green channel of the texture (linear).
     pub roughness: f64,
     pub metallic_roughness_texture: Option<TextureUse>,
-    /// A normal map (linear) and the factor of its x and y.
+    /// A normal map (linear) and a factor for its x and y.
     pub normal: Option<(TextureUse, f64)>,
     /// Radiance.
     pub emission: Colour,
     pub ior: f64,
-    /// The share of light that passes where it is not reflected.
+    /// The share of the light that is not reflected which is transmitted.
     pub transmission: f64,
-    /// Whether it is the boundary of a solid, which refracts, or a wall without thickness.
+    /// Whether the surface bounds a solid, which refracts. Otherwise it is a wall without thickness.
     pub solid: bool,
-    /// The strength of the reflection of what is no metal: with 0 only the diffuse part is left.
+    /// The strength of the reflection of non-metals. At 0, only the diffuse part is left.
     pub specular: f64,
-    /// What this crate writes of a BSDF that glTF has no field for.
+    /// A BSDF that this crate writes and that glTF has no field for.
     pub own: Option<OwnBsdf>,
-    /// Whether light that is lost between facets is given back.
+    /// Whether multiple-scattering compensation is enabled.
     pub compensated: bool,
-    /// Whether it is seen, and emits, on both sides.
+    /// Whether the surface is visible, and emits, on both sides.
     pub double_sided: bool,
 }
 
 /// A BSDF that glTF has no field for.
 pub(super) enum OwnBsdf {
-    /// Phong's lobe beside Lambert's: its albedo and its exponent.
+    /// A Phong lobe in addition to the diffuse one: its albedo and exponent.
     Phong { albedo: Colour, shininess: f64 },
-    /// A metal by the parts of its index of refraction, RGB.
+    /// A metal, by the real and imaginary part of its index of refraction, RGB.
     Conductor { eta: [f64; 3], extinction: [f64; 3] },
 }
 
@@ -148,7 +148,7 @@ impl Default for MaterialDescription {
 }
 
 impl MaterialDescription {
-    /// A white surface of Lambert's law.
+    /// Returns a white diffuse (Lambertian) material.
     pub fn diffuse() -> Self {
         Self {
             metallic: 0.0,
@@ -158,30 +158,30 @@ impl MaterialDescription {
     }
 }
 
-/// How much of a surface is there.
+/// The opacity of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Alpha {
-    /// All of it.
+    /// Opaque everywhere.
     Opaque,
-    /// Where the factor times the alpha of the base colour's texture is at least the cutoff.
+    /// Opaque where the factor times the alpha of the base color's texture is at least the cutoff.
     Mask { factor: f64, cutoff: f64 },
-    /// The share that is the factor times the alpha of the base colour's texture.
+    /// The opacity is the factor times the alpha of the base color's texture.
     Blend { factor: f64 },
 }
 
-/// A texture of a material. All that a material uses are looked up at the same coordinates.
+/// A texture of a material. All textures of a material use the same coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TextureUse {
-    /// Which of the images.
+    /// The index of the image.
     pub image: usize,
     pub wrap: Wrap,
 }
 
-/// An image that is decoded when it is first used.
+/// An image that is decoded at its first use.
 pub(super) enum ImageSource {
     File(PathBuf),
     Bytes {
-        /// What it is called in messages.
+        /// The name of the image in messages.
         name: PathBuf,
         bytes: Bytes,
     },

@@ -1,16 +1,16 @@
-//! Exposure of images for pictures of 8 bits, which hold little of what light has.
+//! Exposure of images for 8-bit pictures, whose range of brightness is small.
 
 use super::HostImage;
 
-/// The luminance that half of the lit pixels of a well-exposed picture exceed: that of a grey card.
+/// The median luminance of the lit pixels of a well-exposed picture: the luminance of a gray card.
 const GREY: f64 = 0.18;
 
-/// Stops by which a picture may miss that before it counts as too bright or too dark: a white surface in white
-/// light is 2.5 brighter.
+/// The deviation from [`GREY`], in stops, above which a picture counts as too bright or too dark. A white surface in
+/// white light is 2.5 stops brighter.
 const TOLERANCE: f64 = 3.0;
 
 impl HostImage {
-    /// The image with all values times 2 to the power of these stops.
+    /// Returns the image with all values multiplied by 2 to the power of `stops`.
     pub fn exposed(&self, stops: f64) -> Self {
         let factor = stops.exp2() as f32;
         Self {
@@ -19,10 +19,11 @@ impl HostImage {
         }
     }
 
-    /// The stops for [`HostImage::exposed`] with which a picture of 8 bits shows what is in the image: 0 where it
-    /// shows it as it is, and otherwise those that bring the median luminance of its lit pixels to that of a grey
-    /// card, 0.18, to a tenth. It is otherwise where lamps are given in candela or watts, for instance: the picture
-    /// would be white.
+    /// Returns the stops for [`HostImage::exposed`] that make the image visible in an 8-bit picture.
+    ///
+    /// The result is 0 if the median luminance of the lit pixels is within 3 stops of a gray card's, 0.18. Otherwise
+    /// it brings the median to 0.18, rounded to a tenth of a stop. For instance, lamps in candela or watts make a
+    /// picture white without it.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -69,7 +70,7 @@ mod tests {
 
     #[test]
     fn the_median_of_what_is_lit_becomes_grey() {
-        // The black background and what is far brighter do not count.
+        // Neither the black background nor the far brighter pixel changes the median.
         let candela = image(&[0.0, 0.0, 0.0, 90.0, 100.0, 1e6]);
         let stops = candela.automatic_exposure();
         let shown = candela.exposed(stops);

@@ -1,4 +1,4 @@
-//! Images within glTF files to come.
+//! Encodes the images of glTF files.
 
 use std::path::Path;
 
@@ -15,9 +15,9 @@ use crate::scene::Wrap;
 
 /// A texture on the host.
 pub(super) struct Texels {
-    /// Row after row.
+    /// Row by row.
     pub values: Vec<f32>,
-    /// Rows, columns, and numbers of a texel.
+    /// Rows, columns, and numbers per texel.
     pub size: [usize; 3],
     pub wrap: Wrap,
 }
@@ -32,7 +32,7 @@ impl Texels {
         })
     }
 
-    /// The same number for all.
+    /// Returns a texture with the same value everywhere.
     pub fn full(value: f32, size: [usize; 3], wrap: Wrap) -> Self {
         let values = vec![value; size.iter().product()];
         Self { values, size, wrap }
@@ -43,7 +43,8 @@ impl Texels {
         sum / self.values.len() as f64
     }
 
-    /// Two as parts of one image, which has the wrap of the first: of the larger size, where they are of several.
+    /// Prepares two textures as parts of one image, which has the wrap of the first. If their sizes differ, both get
+    /// the larger number of rows and of columns.
     pub fn together(first: Self, second: Self, place: &str) -> [Self; 2] {
         let ([ah, aw, _], [bh, bw, _]) = (first.size, second.size);
         if ([ah, aw], first.wrap) == ([bh, bw], second.wrap) {
@@ -57,7 +58,7 @@ impl Texels {
         [first.resized(size), second.resized(size)]
     }
 
-    /// It as it is looked up at the centres of another number of texels.
+    /// Returns the texture interpolated at the texel centers of another size.
     fn resized(&self, [height, width]: [usize; 2]) -> Self {
         let [rows, columns, channels] = self.size;
         if [rows, columns] == [height, width] {
@@ -87,18 +88,19 @@ impl Texels {
     }
 }
 
-/// An image of colours, or of other numbers in [0, 1].
+/// An image of colors, or of other numbers in [0, 1].
 #[derive(PartialEq)]
 pub(super) struct Picture {
     pub texels: HostImage,
-    /// Whether its numbers are encoded as sRGB.
+    /// Whether the file stores the values as sRGB.
     pub colours: bool,
-    /// One a pixel, in [0, 1].
+    /// One value per pixel, in [0, 1].
     pub alpha: Option<Vec<f32>>,
 }
 
 impl Picture {
-    /// It as a PNG file, clipped to [0, 1]: 8 bits a channel where they hold all of it, else 16.
+    /// Encodes the image as PNG, clipped to [0, 1]. It has 8 bits per channel if these represent all values,
+    /// otherwise 16.
     pub fn png(&self, path: &Path) -> Result<Vec<u8>> {
         let [width, height] = self.texels.check_size()?;
         let pixels = &self.texels.pixels;

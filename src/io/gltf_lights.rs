@@ -1,4 +1,4 @@
-//! Lights of glTF files to come (`KHR_lights_punctual`).
+//! Converts lights to glTF (`KHR_lights_punctual`).
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use crate::error::Result;
 use crate::scene::{Light, LightKind};
 
-/// A light, and the node that places it, but for the light's number.
+/// Returns the JSON of a light and of the node that places it. The caller adds the light's index to the node.
 pub(super) fn light(light: &Light, name: &str, path: &Path) -> Result<[Value; 2]> {
     let host = light.host(name)?;
     let mut node = json!({"name": name});
@@ -31,7 +31,7 @@ pub(super) fn light(light: &Light, name: &str, path: &Path) -> Result<[Value; 2]
         }
     };
     if host.kind != LightKind::Point {
-        // Lights shine along −z.
+        // Lights of glTF shine along −z.
         let direction = DVec3::from(host.direction).normalize();
         let turn = DQuat::from_rotation_arc(DVec3::NEG_Z, direction);
         node["rotation"] = json!(turn.to_array());
@@ -48,7 +48,7 @@ pub(super) fn light(light: &Light, name: &str, path: &Path) -> Result<[Value; 2]
     Ok([json, node])
 }
 
-/// A power of two, which leaves all digits as they are, of at least 1 and the largest of some numbers.
+/// Returns the least power of two that is at least 1 and at least all `values`. Division by it is exact.
 pub(super) fn scale_above(values: impl Iterator<Item = f64>) -> f64 {
     values.fold(1.0, f64::max).log2().ceil().exp2()
 }

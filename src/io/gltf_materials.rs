@@ -11,7 +11,9 @@ use super::gltf_images::{Picture, Texels};
 use super::gltf_lights::scale_above;
 use crate::error::Result;
 use crate::geometry::host_values;
-use crate::scene::{Albedo, AlphaMask, Bsdf, Material, NormalMap, ScalarTexture, Wrap};
+use crate::scene::{
+    AlphaMask, Bsdf, BsdfKind, ColorTexture, Material, NormalMap, Parameter, ScalarTexture, Wrap,
+};
 
 /// The lists of a file that its materials are in.
 pub(super) struct Materials<'a> {
@@ -44,23 +46,48 @@ impl<'a> Materials<'a> {
 
     fn describe(&mut self, material: &Material, object: &str) -> Result<Value> {
         let place = format!("{object}, material {}", material.name);
-        let mut json = match material.bsdf {
-            Bsdf::MetallicRoughness => {
-                let mut json = self.base(&material.diffuse, material, &place)?;
-                let numbers = (Some(&material.metallic), &material.roughness);
-                self.facets(&mut json, numbers, &place)?;
+        let kind = material.bsdf.kind();
+        let mut json = match &material.bsdf {
+            Bsdf::Phong { diffuse, .. } => {
+                let json = self.base(diffuse, material, &place)?;
+                self.phong(json, material.bsdf.lobe(), &place)?
+            }
+            Bsdf::MetallicRoughness {
+                base_color,
+                metallic,
+                roughness,
+                ..
+            } => {
+                let mut json = self.base(base_color, material, &place)?;
+                self.facets(&mut json, (Some(metallic), roughness), &place)?;
                 json
             }
-            Bsdf::Conductor => self.conductor(material, &place)?,
-            Bsdf::Dielectric => self.dielectric(material, &place)?,
-            bsdf => {
-                if bsdf != Bsdf::Phong {
-                    self.warn(&place, "is written without its BSDF, but for its colours");
-                }
-                self.phong(material, &place)?
+            Bsdf::Conductor {
+                eta,
+                extinction,
+                roughness,
+                ..
+            } => {
+                let (eta, k) = (eta.values()?, extinction.values()?);
+                let mut json = self.base(&reflectance(eta, k).into(), material, &place)?;
+                self.facets(&mut json, (None, roughness), &place)?;
+                json["pbrMetallicRoughness"]["metallicFactor"] = json!(1);
+                json["extras"]["softray"]["conductor"] = json!({"eta": eta, "extinction": k});
+                json
+            }
+            Bsdf::Dielectric {
+                tint,
+                ior,
+                roughness,
+                ..
+            } => {
+                let mut json = self.base(tint, material, &place)?;
+                self.facets(&mut json, (None, roughness), &place)?;
+                self.refraction(&mut json, ior, &place)?;
+                json
             }
         };
-        if !material.compensated {
+        if kind != BsdfKind::Phong && !material.bsdf.is_compensated() {
             json["extras"]["softray"]["compensated"] = json!(false);
         }
         if let Some(map) = &material.normal_map {
@@ -82,7 +109,7 @@ impl<'a> Materials<'a> {
     }
 
     /// A material of a base colour that is no metal, with the holes of another one.
-    fn base(&mut self, albedo: &Albedo, material: &Material, place: &str) -> Result<Value> {
+    fn base(&mut self, albedo: &ColorTexture, material: &Material, place: &str) -> Result<Value> {
         let ([r, g, b], texels) = self.on_host(albedo, place)?;
         let mut json = json!({"pbrMetallicRoughness": {
             "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0
@@ -109,15 +136,19 @@ impl<'a> Materials<'a> {
         Ok(json)
     }
 
-    fn phong(&mut self, material: &Material, place: &str) -> Result<Value> {
-        let mut json = self.base(&material.diffuse, material, place)?;
-        if !material.specular.reflects() {
+    fn phong(
+        &mut self,
+        mut json: Value,
+        lobe: Option<(&ColorTexture, &Parameter<1>)>,
+        place: &str,
+    ) -> Result<Value> {
+        let Some((specular, shininess)) = lobe else {
             let none = json!({"specularFactor": 0});
             self.extend(&mut json, "KHR_materials_specular", none);
             return Ok(json);
-        }
-        let (factor, texture) = self.albedo(&material.specular, place)?;
-        let [shininess] = material.shininess.values()?;
+        };
+        let (factor, texture) = self.albedo(specular, place)?;
+        let [shininess] = shininess.values()?;
         let mut phong = json!({"specularFactor": factor, "shininess": shininess});
         if let Some(texture) = texture {
             phong["specularTexture"] = json!({"index": texture});
@@ -129,25 +160,8 @@ impl<'a> Materials<'a> {
         Ok(json)
     }
 
-    /// For other readers, a metal of the same colour along the normal.
-    fn conductor(&mut self, material: &Material, place: &str) -> Result<Value> {
-        let (eta, k) = (material.eta.values()?, material.extinction.values()?);
-        let reflectance = |i: usize| {
-            let (n, k2) = (eta[i], k[i] * k[i]);
-            ((n - 1.0).powi(2) + k2) / ((n + 1.0).powi(2) + k2)
-        };
-        let colour: [f64; 3] = std::array::from_fn(reflectance);
-        let mut json = self.base(&colour.into(), material, place)?;
-        self.facets(&mut json, (None, &material.roughness), place)?;
-        json["pbrMetallicRoughness"]["metallicFactor"] = json!(1);
-        json["extras"]["softray"]["conductor"] = json!({"eta": eta, "extinction": k});
-        Ok(json)
-    }
-
-    fn dielectric(&mut self, material: &Material, place: &str) -> Result<Value> {
-        let mut json = self.base(&material.diffuse, material, place)?;
-        self.facets(&mut json, (None, &material.roughness), place)?;
-        let ior = match Number::of(&material.ior)? {
+    fn refraction(&mut self, json: &mut Value, ior: &ScalarTexture, place: &str) -> Result<()> {
+        let ior = match Number::of(ior)? {
             Number::Constant(ior) => ior,
             Number::Texture(texels) => {
                 self.warn(
@@ -157,13 +171,13 @@ impl<'a> Materials<'a> {
                 texels.mean()
             }
         };
-        self.extend(&mut json, "KHR_materials_ior", json!({"ior": ior}));
+        self.extend(json, "KHR_materials_ior", json!({"ior": ior}));
         let all = json!({"transmissionFactor": 1});
-        self.extend(&mut json, "KHR_materials_transmission", all);
+        self.extend(json, "KHR_materials_transmission", all);
         // Without a thickness it would not refract.
         let solid = json!({"thicknessFactor": 1});
-        self.extend(&mut json, "KHR_materials_volume", solid);
-        Ok(json)
+        self.extend(json, "KHR_materials_volume", solid);
+        Ok(())
     }
 
     /// The metal, if there may be some, and the roughness.
@@ -229,10 +243,10 @@ impl<'a> Materials<'a> {
 
     /// The radiance of an emitter, by a factor or a texture that are at most 1, and a strength. Both sides of a surface
     /// reflect; what emits does so in front.
-    fn emission(&mut self, json: &mut Value, emission: &Albedo, place: &str) -> Result<()> {
+    fn emission(&mut self, json: &mut Value, emission: &ColorTexture, place: &str) -> Result<()> {
         let values: Vec<f64> = match emission {
-            Albedo::Constant(p) => p.values()?.to_vec(),
-            Albedo::Texture { texels, .. } => host_values(texels)?,
+            ColorTexture::Constant(p) => p.values()?.to_vec(),
+            ColorTexture::Texture { texels, .. } => host_values(texels)?,
         };
         if let Some(v) = values.iter().find(|&&v| v < 0.0) {
             self.warn(
@@ -247,11 +261,11 @@ impl<'a> Materials<'a> {
         }
         let strength = scale_above(values.iter().copied());
         match emission {
-            Albedo::Constant(_) => {
+            ColorTexture::Constant(_) => {
                 let factor: Vec<f64> = values.iter().map(|v| v.max(0.0) / strength).collect();
                 json["emissiveFactor"] = json!(factor);
             }
-            Albedo::Texture { texels, wrap } => {
+            ColorTexture::Texture { texels, wrap } => {
                 let texels = texels.clone().clamp_min(0.0) / strength;
                 let texels = Texels::of(&texels, *wrap)?;
                 json["emissiveFactor"] = json!([1.0, 1.0, 1.0]);
@@ -267,9 +281,9 @@ impl<'a> Materials<'a> {
     }
 
     /// The factor of an albedo, and its texture on the host.
-    fn on_host(&self, albedo: &Albedo, place: &str) -> Result<([f64; 3], Option<Texels>)> {
+    fn on_host(&self, albedo: &ColorTexture, place: &str) -> Result<([f64; 3], Option<Texels>)> {
         match albedo {
-            Albedo::Constant(p) => {
+            ColorTexture::Constant(p) => {
                 let found = p.values()?;
                 let factor = found.map(|v| v.clamp(0.0, 1.0));
                 if factor != found {
@@ -280,12 +294,14 @@ impl<'a> Materials<'a> {
                 }
                 Ok((factor, None))
             }
-            Albedo::Texture { texels, wrap } => Ok(([1.0; 3], Some(Texels::of(texels, *wrap)?))),
+            ColorTexture::Texture { texels, wrap } => {
+                Ok(([1.0; 3], Some(Texels::of(texels, *wrap)?)))
+            }
         }
     }
 
     /// The factor of an albedo, and its texture.
-    fn albedo(&mut self, albedo: &Albedo, place: &str) -> Result<([f64; 3], Option<usize>)> {
+    fn albedo(&mut self, albedo: &ColorTexture, place: &str) -> Result<([f64; 3], Option<usize>)> {
         let (factor, texels) = self.on_host(albedo, place)?;
         let texture = texels.map(|texels| self.texture(texels, true, None, place));
         Ok((factor, texture.transpose()?))
@@ -328,6 +344,14 @@ impl<'a> Materials<'a> {
     pub fn images(&self) -> Result<Vec<Vec<u8>>> {
         self.pictures.iter().map(|p| p.png(self.path)).collect()
     }
+}
+
+/// The reflectance of a conductor along the normal, which other readers take as the color of a metal.
+fn reflectance(eta: [f64; 3], k: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| {
+        let (n, k2) = (eta[i], k[i] * k[i]);
+        ((n - 1.0).powi(2) + k2) / ((n + 1.0).powi(2) + k2)
+    })
 }
 
 /// A number of a material on the host.

@@ -1,4 +1,4 @@
-//! Meshes and scenes as glTF 2.0 files.
+//! Writes meshes and scenes as glTF 2.0 files.
 
 use std::path::Path;
 
@@ -14,20 +14,20 @@ use super::whole::{Part, ending};
 use crate::error::{Error, Result};
 use crate::scene::{Mesh, Object, Scene};
 
-/// What the numbers of glTF stand for.
+/// Component types and buffer targets of glTF.
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
 const OF_VERTICES: u32 = 34962;
 const OF_INDICES: u32 = 34963;
 
-/// The bytes that are escaped in the URI of a name.
+/// The characters of a file name that are escaped in its URI.
 const ESCAPED: &AsciiSet = &NON_ALPHANUMERIC
     .remove(b'-')
     .remove(b'.')
     .remove(b'_')
     .remove(b'~');
 
-/// Writes a mesh of the default material.
+/// Writes a mesh with the default material.
 pub(super) fn mesh(mesh: &Mesh, path: &Path) -> Result<()> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     scene(
@@ -73,7 +73,7 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
         json["extensions"] = json!({"KHR_lights_punctual": {"lights": lights}});
     }
     json["extensionsUsed"] = json!(materials.extensions);
-    // Lists of glTF are not empty.
+    // glTF does not allow empty lists.
     if let Some(lists) = json.as_object_mut() {
         lists.retain(|_, value| value.as_array().is_none_or(|list| !list.is_empty()));
     }
@@ -92,7 +92,7 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
     text.publish()
 }
 
-/// A `.glb` file of JSON and a buffer.
+/// Writes a `.glb` file from JSON and a buffer.
 fn container(path: &Path, json: Value, mut buffer: Vec<u8>) -> Result<Part> {
     let mut json = json.to_string().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
@@ -119,7 +119,7 @@ fn container(path: &Path, json: Value, mut buffer: Vec<u8>) -> Result<Part> {
     Part::of(path, &chunks)
 }
 
-/// Lists of a file in the making.
+/// The lists of a file that is being built.
 #[derive(Default)]
 struct File {
     nodes: Vec<Value>,
@@ -128,7 +128,7 @@ struct File {
     buffer: Buffer,
 }
 
-/// The bytes of a file, and its views of them.
+/// The bytes of a file's buffer, and the views of it.
 #[derive(Default)]
 struct Buffer {
     bytes: Vec<u8>,
@@ -136,7 +136,7 @@ struct Buffer {
 }
 
 impl Buffer {
-    /// Adds bytes and returns the number of their view.
+    /// Adds bytes and returns the index of their view.
     fn view(&mut self, bytes: &[u8], target: Option<u32>) -> usize {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let (offset, length) = (self.bytes.len(), bytes.len());
@@ -151,7 +151,7 @@ impl Buffer {
 }
 
 impl File {
-    /// A mesh with a primitive for each material.
+    /// Returns the JSON of a mesh with one primitive per material.
     fn mesh(&mut self, object: &Object, materials: &mut Materials) -> Result<Value> {
         let split = Split::of(&object.mesh)?;
         let mut attributes = json!({"POSITION": self.rows("VEC3", &split.positions, true)});
@@ -197,7 +197,8 @@ impl File {
         Ok(json!({"name": object.name, "primitives": primitives}))
     }
 
-    /// Adds an array of rows, with the bounds that positions must have.
+    /// Adds an array of rows and returns the index of its accessor. `bounds` adds the bounds that glTF requires for
+    /// positions.
     fn rows<const C: usize>(&mut self, kind: &str, rows: &[[f64; C]], bounds: bool) -> usize {
         let floats = rows.iter().flatten().map(|&v| v as f32);
         let bytes: Vec<u8> = floats.flat_map(f32::to_le_bytes).collect();

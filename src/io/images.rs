@@ -12,7 +12,7 @@ use super::whole::{check_writable, ending, folder_of, write_whole};
 use crate::debug::numbers;
 use crate::error::{Error, Result};
 
-/// White columns between images side by side.
+/// White columns between adjacent images.
 const GAP: usize = 2;
 
 /// A linear RGB image on the host.
@@ -40,10 +40,10 @@ impl fmt::Debug for HostImage {
 }
 
 impl HostImage {
-    /// An image from its values, row by row.
+    /// Creates an image from its values, row by row.
     ///
     /// # Errors
-    /// When there are not height · width · 3 values.
+    /// If the number of values is not height · width · 3.
     pub fn new(width: usize, height: usize, pixels: Vec<f32>) -> Result<Self> {
         let image = Self {
             width,
@@ -57,12 +57,12 @@ impl HostImage {
     /// Reads a tensor `[H, W, 3]` back from its device.
     ///
     /// # Errors
-    /// When the last axis is not 3 long, or the device fails.
+    /// If the last dimension is not 3, or the device fails.
     pub fn from_tensor(tensor: &Tensor<3>) -> Result<Self> {
         Self::take(tensor.clone())
     }
 
-    /// As [`HostImage::from_tensor`], for a tensor whose values may be moved instead of copied.
+    /// Reads a tensor back like [`HostImage::from_tensor`]; its values may be moved instead of copied.
     ///
     /// # Errors
     /// As [`HostImage::from_tensor`].
@@ -90,18 +90,19 @@ impl HostImage {
         Tensor::from_data(TensorData::new(self.pixels, shape), device)
     }
 
-    /// Reads an image as linear RGB: EXR and HDR as they are, PNG, JPEG, BMP, TGA and GIF decoded from
-    /// sRGB.
-    /// Grey becomes RGB and alpha is dropped.
+    /// Reads an image file as linear RGB.
+    ///
+    /// EXR and HDR are read unchanged; PNG, JPEG, BMP, TGA, GIF and WebP are decoded from sRGB. Gray becomes RGB, and
+    /// alpha is dropped.
     ///
     /// # Errors
-    /// When the file can't be read, is not an image of these formats, or has more pixels than
-    /// [`LoadLimits`] lets it.
+    /// If the file cannot be read, is not an image of these formats, or has more pixels than [`LoadLimits`] allows.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         Self::read_within(path, &LoadLimits::default())
     }
 
-    /// As [`HostImage::read`] with given limits. It takes at most 16 bytes a pixel for images of 8 bits a channel.
+    /// Reads an image like [`HostImage::read`], with the given limits. Images with 8 bits per channel take at most 16
+    /// bytes per pixel.
     ///
     /// # Errors
     /// As [`HostImage::read`].
@@ -109,28 +110,30 @@ impl HostImage {
         Self::read_file(path.as_ref(), limits)
     }
 
-    // What calls decoders and encoders is not generic: else each program that calls it compiles these again.
+    // Callers of decoders and encoders are not generic, since each program would compile generic ones again.
     fn read_file(path: &Path, limits: &LoadLimits) -> Result<Self> {
         let decoded = Decoded::of_file(path, limits)?;
         let [width, height] = decoded.size();
         Self::new(width, height, decoded.colours())
     }
 
-    /// Checks that an image can be written to a path: its ending is known, and its folder exists and can be written
-    /// to. Called before a render, it keeps the render from being lost. A file of the name stays as it is, and none is
+    /// Checks that an image can be written to a path: the extension is supported, and the folder exists and is
+    /// writable.
+    ///
+    /// A check before a render avoids the loss of its result. An existing file is not changed, and no new one is
     /// left.
     ///
     /// # Errors
-    /// When the ending is unknown, or nothing can be written to the folder.
+    /// If the extension is not supported, or nothing can be written to the folder.
     pub fn check_path(path: impl AsRef<Path>) -> Result<()> {
         Self::check_room(path, 1, 1)
     }
 
-    /// As [`HostImage::check_path`], and that there is room for an image of so many columns and rows: writes as many
-    /// bytes as it may take, under another name, and removes them again.
+    /// Checks a path like [`HostImage::check_path`], and that the disk has room for an image of `width` × `height`
+    /// pixels. It writes as many bytes as the image may take under a temporary name, and removes them.
     ///
     /// # Errors
-    /// As [`HostImage::check_path`], and when the disk is full.
+    /// As [`HostImage::check_path`], or if the disk is full.
     pub fn check_room(path: impl AsRef<Path>, width: usize, height: usize) -> Result<()> {
         let (path, pixels) = (path.as_ref(), width.saturating_mul(height));
         Self::check_place(path)?;
@@ -141,7 +144,7 @@ impl HostImage {
         check_writable(path, pixels.saturating_mul(of_pixel).saturating_add(4096))
     }
 
-    /// Checks that the ending of a path is known and its folder exists.
+    /// Checks that the extension of a path is supported and its folder exists.
     fn check_place(path: &Path) -> Result<()> {
         format_of(path)?;
         if path.is_dir() {
@@ -158,11 +161,11 @@ impl HostImage {
         Ok(())
     }
 
-    /// Writes by the file's ending: `.exr` as linear 32-bit floats, `.png` as 8-bit sRGB clipped
-    /// to [0, 1]. The file appears under its name only when it is complete.
+    /// Writes the image: `.exr` as linear 32-bit floats, `.png` as 8-bit sRGB clipped to [0, 1]. The file appears
+    /// under its name only when it is complete.
     ///
     /// # Errors
-    /// When the ending is another one, the image is empty, or the system fails.
+    /// If the extension is another one, the image is empty, or the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         self.write_file(path.as_ref())
     }
@@ -173,7 +176,7 @@ impl HostImage {
         write_whole(path, |file| self.encode(path, file))
     }
 
-    /// Encodes it for a file, in the format of its ending.
+    /// Encodes the image to `file`, in the format given by the extension of `path`.
     pub(super) fn encode(&self, path: &Path, file: &mut (impl Write + Seek)) -> Result<()> {
         let ([w, h], format) = (self.check_size()?, format_of(path)?);
         let written = match format {
@@ -187,25 +190,25 @@ impl HostImage {
         written.transpose().map_err(failed).map(|_| ())
     }
 
-    /// Bytes in sRGB, clipped to [0, 1].
+    /// Returns the values as sRGB bytes, clipped to [0, 1].
     pub(super) fn to_srgb(&self) -> Vec<u8> {
         self.pixels.iter().map(|&v| srgb_byte(v)).collect()
     }
 
-    /// Whether bytes in sRGB hold every value as it is, as they do those of a PNG file that was read.
+    /// Returns whether sRGB bytes represent every value exactly, as for an image that was read from an 8-bit PNG.
     pub(super) fn fits_srgb(&self) -> bool {
         let table = srgb_table();
         let same = |&v: &f32| table[usize::from(srgb_byte(v))] == v;
         self.pixels.iter().all(same)
     }
 
-    /// Columns and rows for a file.
+    /// Returns columns and rows, which must be valid for a file.
     pub(super) fn check_size(&self) -> Result<[u32; 2]> {
         self.check()?;
         sides(self.width, self.height)
     }
 
-    /// The mean of each channel.
+    /// Returns the mean of each channel.
     pub fn mean(&self) -> [f64; 3] {
         let n = (self.width * self.height) as f64;
         std::array::from_fn(|c| {
@@ -214,11 +217,11 @@ impl HostImage {
         })
     }
 
-    /// The root mean square difference over all channels; `clipped` limits both images to [0, 1]
-    /// first, so that directly seen lights don't outweigh the rest.
+    /// Returns the root-mean-square difference over all channels. `clipped` clamps both images to [0, 1] first, so
+    /// that directly visible lights do not outweigh the rest.
     ///
     /// # Errors
-    /// When the sizes differ.
+    /// If the sizes differ.
     pub fn rmse(&self, other: &Self, clipped: bool) -> Result<f64> {
         self.check()?;
         other.check()?;
@@ -239,13 +242,13 @@ impl HostImage {
         Ok((sum / self.pixels.len() as f64).sqrt())
     }
 
-    /// The ratio of the sum of all values to that of another image.
+    /// Returns the sum of all values, divided by the sum of all values of `other`.
     pub fn mean_ratio(&self, other: &Self) -> f64 {
         let sum = |image: &Self| image.pixels.iter().map(|&v| f64::from(v)).sum::<f64>();
         sum(self) / sum(other)
     }
 
-    /// Images in a row, aligned at the top, with white gaps of 2 pixels.
+    /// Joins images in a row, aligned at the top, with white gaps of 2 pixels.
     pub fn side_by_side(images: &[&Self]) -> Self {
         let height = images.iter().map(|i| i.height).max().unwrap_or(0);
         let gaps = GAP * images.len().saturating_sub(1);
@@ -282,7 +285,7 @@ impl HostImage {
     }
 }
 
-/// The format of an image to be written, by its ending.
+/// Returns the format of an image to write, by its extension.
 pub(super) fn format_of(path: &Path) -> Result<ImageFormat> {
     Ok(match ending(path, &["exr", "png"])? {
         "exr" => ImageFormat::OpenExr,
@@ -290,7 +293,7 @@ pub(super) fn format_of(path: &Path) -> Result<ImageFormat> {
     })
 }
 
-/// Columns and rows for a file.
+/// Returns columns and rows, which must be valid for a file.
 pub(super) fn sides(width: usize, height: usize) -> Result<[u32; 2]> {
     match (u32::try_from(width), u32::try_from(height)) {
         (Ok(w @ 1..), Ok(h @ 1..)) => Ok([w, h]),

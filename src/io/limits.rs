@@ -1,4 +1,4 @@
-//! Limits of the files that are loaded.
+//! Limits on the files that are loaded.
 
 use std::fs::File;
 use std::io::Read;
@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 
 use crate::error::{Error, Result};
 
-/// Limits of the size of loaded files, and of the files that they may refer to.
+/// Limits on the size of loaded files, and on the files that they may refer to.
 ///
 /// ```
 /// use softray::prelude::*;
@@ -27,18 +27,18 @@ pub struct LoadLimits {
     pub(super) strict: bool,
 }
 
-/// About the bytes that a render takes for each triangle, object and light, and for a number of a texture.
+/// Approximate bytes that a render takes for each triangle, object and light, and for each number of a texture.
 pub(super) const TRIANGLE: u64 = 600;
 pub(super) const OBJECT: u64 = 2048;
 pub(super) const LIGHT: u64 = 1024;
 pub(super) const TEXEL: u64 = 4;
 
-/// Bytes that any file may take in memory, and as how many of its own it may beside that: about as many as a file
-/// takes that names each array and image once.
+/// The default memory limit: `LEAST_MEMORY` bytes, or `PER_BYTE` per byte of the files read if that is more. A file
+/// that uses each array and image once takes about `PER_BYTE`.
 const LEAST_MEMORY: u64 = 3 << 28;
 const PER_BYTE: u64 = 64;
 
-/// A file that is read, what it may take and name, and where its tensors go.
+/// A file that is read, its limits, and the device of its tensors.
 #[derive(Clone, Copy)]
 pub(super) struct Place<'a> {
     pub path: &'a Path,
@@ -46,7 +46,7 @@ pub(super) struct Place<'a> {
     pub device: &'a Device,
 }
 
-/// What the parts of a file take in memory.
+/// The memory that the parts of a file take.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Memory {
     pub taken: u64,
@@ -55,10 +55,10 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// Adds a number of parts of a size.
+    /// Adds `count` parts of `size` bytes each.
     ///
     /// # Errors
-    /// If that is more than the limit; the message is for an error of the file.
+    /// If the sum exceeds the limit. The message lacks the name of the part.
     pub fn take(
         &mut self,
         count: u64,
@@ -94,31 +94,33 @@ impl Default for LoadLimits {
 }
 
 impl LoadLimits {
-    /// Sets the most pixels of an image, 2²⁷ (11,585²) by default.
+    /// Sets the largest number of pixels of an image, 2²⁷ (11,585²) by default.
     pub fn pixels(self, pixels: u64) -> Self {
         Self { pixels, ..self }
     }
 
-    /// Sets the most bytes of a text or of a file of numbers (OBJ, MTL, JSON, glTF and its buffers, PLY), 2³⁰ by
+    /// Sets the largest size in bytes of a text or data file (OBJ, MTL, JSON, glTF and its buffers, PLY), 2³⁰ by
     /// default.
     pub fn text_bytes(self, text_bytes: u64) -> Self {
         Self { text_bytes, ..self }
     }
 
-    /// Sets the most triangles of an OBJ, glTF or PLY file, each instance of a mesh counted, 2²⁶ by default.
+    /// Sets the largest number of triangles of an OBJ, glTF or PLY file, 2²⁶ by default. Each instance of a mesh
+    /// counts.
     pub fn triangles(self, triangles: u64) -> Self {
         Self { triangles, ..self }
     }
 
-    /// Sets the most corners of a concave polygon, 2¹⁴ by default. Such polygons of over 1,024 corners count together,
-    /// by the sum of the squares of their corners: so grows the time that they take.
+    /// Sets the largest number of corners of a concave polygon, 2¹⁴ by default. All concave polygons with over 1,024
+    /// corners also share this limit: the squares of their numbers of corners, by which their time grows, are summed.
     pub fn corners(self, corners: u64) -> Self {
         Self { corners, ..self }
     }
 
-    /// Sets about the most bytes that all textures, triangles and objects of a file may take in memory, each
-    /// instance of a mesh counted. By default they are 3·2²⁸, or 64 times as many as the file has with all that it
-    /// names, if that is more: a small file may name an image or an array often.
+    /// Sets the approximate memory in bytes that all textures, triangles and objects of a file may take.
+    ///
+    /// Each instance of a mesh counts. The default is 3·2²⁸, or 64 times the size of the file with all files that it
+    /// refers to if that is more. A small file may use an image or an array many times.
     pub fn memory(self, bytes: u64) -> Self {
         Self {
             memory: Some(bytes),
@@ -126,19 +128,21 @@ impl LoadLimits {
         }
     }
 
-    /// Sets whether it is an error that a file can only be rendered without some of what it names: textures, and of
-    /// OBJ also materials, that are missing or malformed, texture coordinates or normals that are not there, faces of
-    /// less than three corners. False by default: a warning says so.
+    /// Enables or disables strict loading (disabled by default).
+    ///
+    /// These faults are errors in strict loading and warnings otherwise: missing or malformed textures (and materials
+    /// in OBJ), missing texture coordinates or normals, and faces with fewer than three corners.
     pub fn strict(self, strict: bool) -> Self {
         Self { strict, ..self }
     }
 
-    /// Sets whether a file may refer to files outside of its own folder; false by default.
+    /// Sets whether a file may refer to files outside its own folder (false by default).
     pub fn outside(self, outside: bool) -> Self {
         Self { outside, ..self }
     }
 
-    /// The file of a name that another file has, which lies in its folder or below it unless files outside are allowed.
+    /// Returns the path of a file that the file `path` refers to. It must lie in the folder of `path` or below,
+    /// unless files outside are allowed.
     pub(super) fn beside(&self, path: &Path, name: &str) -> Result<PathBuf> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let file = folder.join(name);
@@ -146,7 +150,7 @@ impl LoadLimits {
         Ok(file)
     }
 
-    /// Checks a number of triangles; the message is for an error of the file.
+    /// Checks a number of triangles. The message is for an error of the file.
     pub(super) fn check_triangles(&self, count: u64) -> std::result::Result<(), String> {
         let most = self.triangles;
         match count <= most {
@@ -162,7 +166,7 @@ impl LoadLimits {
         if self.outside {
             return Ok(());
         }
-        // Files that are not there are told of when they are read. An empty folder is the current one.
+        // Missing files are reported when they are read. An empty folder is the current one.
         let (Ok(file), Ok(folder)) = (file.canonicalize(), folder.join(".").canonicalize()) else {
             return Ok(());
         };
@@ -180,10 +184,10 @@ impl LoadLimits {
     }
 }
 
-/// Opens a regular file, and returns its length in bytes too.
+/// Opens a regular file, and returns it with its length in bytes.
 pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
     let io = Error::io(path);
-    // Asked before it is opened: opening a pipe waits for its other end.
+    // Read before the file is opened: opening a pipe waits for its other end.
     let metadata = std::fs::metadata(path).map_err(io)?;
     if !metadata.is_file() {
         let kind = match metadata.is_dir() {
@@ -196,13 +200,13 @@ pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
     Ok((File::open(path).map_err(io)?, metadata.len()))
 }
 
-/// Reads a file of at most as many bytes as a text may have.
+/// Reads a file within the size limit of text files.
 pub(crate) fn read_bytes(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>> {
     let most = limits.text_bytes;
     let (file, length) = open(path)?;
     let mut bytes = Vec::new();
     if length <= most {
-        // What its length says is not what it has to hold.
+        // The file may contain more than its reported length.
         let read = file.take(most.saturating_add(1)).read_to_end(&mut bytes);
         read.map_err(Error::io(path))?;
     }
@@ -214,7 +218,7 @@ pub(crate) fn read_bytes(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads a text file without its byte-order mark; bytes that are not UTF-8 (old exporters' comments) are
+/// Reads a text file without its byte-order mark. Bytes that are not UTF-8 (in comments of old exporters) are
 /// replaced.
 pub(crate) fn read_text(path: &Path, limits: &LoadLimits) -> Result<String> {
     let bytes = read_bytes(path, limits)?;
@@ -236,12 +240,12 @@ pub(crate) fn read_text(path: &Path, limits: &LoadLimits) -> Result<String> {
     Ok(text)
 }
 
-/// Parses JSON; messages name the field.
+/// Parses JSON. Error messages contain the path of the field.
 pub(super) fn parse_json<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T> {
     let mut json = serde_json::Deserializer::from_slice(bytes);
     let parsed = serde_path_to_error::deserialize(&mut json).map_err(|e| {
         let field = match e.path().to_string() {
-            // At the top there is no field to name.
+            // The top level has no field name.
             top if top == "." => String::new(),
             field => field + ": ",
         };

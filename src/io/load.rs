@@ -1,4 +1,4 @@
-//! Files of scenes by their endings.
+//! Loads scene files by their extensions.
 
 use std::path::Path;
 
@@ -11,10 +11,10 @@ use super::{LoadLimits, build, gltf, obj, ply};
 use crate::error::Result;
 use crate::scene::Scene;
 
-/// The endings of files that hold a scene.
+/// The extensions of files that hold a scene.
 pub(super) const SCENES: [&str; 4] = ["obj", "gltf", "glb", "ply"];
 
-/// Reads a file that holds a scene, with the cameras that it has.
+/// Reads a file that holds a scene, and returns the scene and the cameras of the file.
 pub(super) fn load(
     path: &Path,
     device: &Device,

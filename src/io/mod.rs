@@ -1,4 +1,4 @@
-//! Files: OBJ with MTL, glTF, PLY, images, animations, and scenes with a camera as JSON.
+//! File formats: OBJ with MTL, glTF, PLY, images, animations, and JSON scenes with a camera.
 
 mod animation;
 mod build;

@@ -9,7 +9,7 @@ use burn::tensor::DType;
 use super::HostImage;
 use super::whole::Part;
 use crate::error::Result;
-use crate::scene::{Albedo, Material, Parameter, Wrap};
+use crate::scene::{ColorTexture, Material, Parameter, Wrap};
 
 /// Characters of a material's name in a file's name.
 const NAME_IN_FILE: usize = 48;
@@ -71,20 +71,24 @@ impl<'a> Library<'a> {
     /// The lines of a material below its name.
     fn describe(&mut self, material: &Material, name: &str, object: &str) -> Result<String> {
         let object = format!("{object}, material {}", material.name);
-        let diffuse = self.albedo(&material.diffuse, [&object, name, "diffuse"])?;
-        let specular = self.albedo(&material.specular, [&object, name, "specular"])?;
+        let (black, one) = (ColorTexture::from([0.0; 3]), Parameter::Constant([1.0]));
+        let lobe = material.bsdf.lobe();
+        let (specular, shininess) = lobe.unwrap_or((&black, &one));
+        let diffuse = material.bsdf.base().unwrap_or(&black);
+        let diffuse = self.albedo(diffuse, [&object, name, "diffuse"])?;
+        let specular = self.albedo(specular, [&object, name, "specular"])?;
         warn_of_range(&object, &diffuse, &specular);
         let mut body = format!(
             "Kd {}\nKs {}\nNs {}\n",
             diffuse.factor,
             specular.factor,
-            numbers(&material.shininess)?,
+            numbers(shininess)?,
         );
         let emission = self.albedo(&material.emission, [&object, name, "emission"])?;
         if emission.values != [0.0; 3] {
             body += &format!("Ke {}\n", emission.factor);
         }
-        let illumination = if material.specular.reflects() { 2 } else { 1 };
+        let illumination = if lobe.is_some() { 2 } else { 1 };
         body += &format!("illum {illumination}\n");
         for (keyword, albedo) in [
             ("map_Kd", &diffuse),
@@ -100,18 +104,18 @@ impl<'a> Library<'a> {
 
     fn albedo(
         &mut self,
-        albedo: &Albedo,
+        albedo: &ColorTexture,
         [object, material, field]: [&str; 3],
     ) -> Result<Described> {
         let (texels, wrap) = match albedo {
-            Albedo::Constant(p) => {
+            ColorTexture::Constant(p) => {
                 return Ok(Described {
                     values: p.values()?,
                     factor: numbers(p)?,
                     texture: None,
                 });
             }
-            Albedo::Texture { texels, wrap } => (HostImage::from_tensor(texels)?, *wrap),
+            ColorTexture::Texture { texels, wrap } => (HostImage::from_tensor(texels)?, *wrap),
         };
         if wrap == Wrap::Mirror {
             log::warn!(

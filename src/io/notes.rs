@@ -1,4 +1,4 @@
-//! Warnings about a file that name some of what they are about, and count the rest.
+//! Warnings about a file. A warning lists a few names and counts the rest.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -7,15 +7,15 @@ use std::path::Path;
 use super::LoadLimits;
 use crate::error::{Error, Result};
 
-/// The most names in a warning, but for those of parts.
+/// The most names that [`Notes::add`] lists in a warning.
 const MOST: usize = 5;
 
-/// What is to be said about a file once it is read, by sentences: names, and how many there were.
+/// Warnings to log once a file is read. Each sentence has a list of names and a count.
 #[derive(Default)]
 pub(super) struct Notes(RefCell<BTreeMap<&'static str, (BTreeSet<String>, usize)>>);
 
 impl Notes {
-    /// Notes one of the things that a sentence is about.
+    /// Adds a name to a warning. Only the first few names are listed, the rest are counted.
     pub fn add(&self, sentence: &'static str, name: impl Into<String>) {
         let mut all = self.0.borrow_mut();
         let (names, count) = all.entry(sentence).or_default();
@@ -25,17 +25,18 @@ impl Notes {
         }
     }
 
-    /// Notes a part of a file that a sentence is about; each is named, and once.
+    /// Adds a part of a file to a warning. Every part is listed, once.
     pub fn part(&self, sentence: &'static str, name: impl Into<String>) {
         let mut all = self.0.borrow_mut();
         let (names, count) = all.entry(sentence).or_default();
         *count += usize::from(names.insert(name.into()));
     }
 
-    /// Notes a fault of materials or textures. It is an error where limits are strict or are what it is about.
+    /// Adds a fault, such as a malformed material, to the warnings. It is an error if limits are strict or if it
+    /// exceeds a limit.
     pub fn fault(&self, error: Error, limits: &LoadLimits) -> Result<()> {
         let message = error.to_string();
-        // Messages of limits name the setting that changes them.
+        // Messages about limits contain the setting that changes them.
         if limits.strict || message.contains("LoadLimits::") {
             return Err(error);
         }

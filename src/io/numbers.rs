@@ -1,6 +1,6 @@
-//! Numbers as binary files hold them.
+//! Numbers in binary files.
 
-/// What a number is made of.
+/// The type of a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Kind {
     I8,
@@ -14,7 +14,7 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// Bytes.
+    /// Returns the size in bytes.
     pub fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -24,7 +24,7 @@ impl Kind {
         }
     }
 
-    /// The number at the start of some bytes, the least significant one first. Those that are not there are 0.
+    /// Returns the little-endian number at the start of `bytes`. Missing bytes count as 0.
     pub fn number(self, bytes: &[u8]) -> f64 {
         let mut all = [0; 8];
         for (byte, &from) in all.iter_mut().zip(bytes.iter().take(self.size())) {
@@ -43,7 +43,8 @@ impl Kind {
         }
     }
 
-    /// The largest of its integers, which stands for 1 where they stand for [0, 1] or [−1, 1].
+    /// Returns the value that represents 1 in normalized numbers ([0, 1] or [−1, 1]): the largest integer, or 1 for
+    /// floats.
     pub fn one(self) -> f64 {
         match self {
             Self::I8 => 127.0,

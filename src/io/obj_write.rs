@@ -1,4 +1,4 @@
-//! Meshes and scenes as OBJ files.
+//! Writes meshes and scenes as OBJ files.
 
 use std::io::Write;
 use std::path::Path;
@@ -21,7 +21,7 @@ pub(super) fn mesh(mesh: &Mesh, path: &Path) -> Result<()> {
     })
 }
 
-/// Writes a scene, an MTL file beside it, and the textures as images beside them.
+/// Writes a scene, with an MTL file and the textures as images beside it.
 pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
     let (mut names, mut library) = (Names::default(), Library::new(path));
     let mut objects = Vec::with_capacity(scene.objects.len());
@@ -54,7 +54,7 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
 struct ObjFile<'a, W> {
     file: &'a mut W,
     path: &'a Path,
-    /// Rows of `v`, `vt` and `vn` so far.
+    /// The numbers of `v`, `vt` and `vn` rows so far.
     rows: [usize; 3],
 }
 
@@ -71,7 +71,8 @@ impl<'a, W: Write> ObjFile<'a, W> {
         writeln!(self.file, "{line}").map_err(Error::io(self.path))
     }
 
-    /// Writes a mesh with the names of its materials, if it has any, and those of its faces.
+    /// Writes a mesh as one object. `materials` are names, if there are any. `face_materials` are indices of these
+    /// per face.
     fn object(
         &mut self,
         name: &str,
@@ -93,7 +94,7 @@ impl<'a, W: Write> ObjFile<'a, W> {
                 current = material;
             }
             let corner = |c: usize| {
-                // Files count from 1.
+                // OBJ indices start at 1.
                 let row = |kind: usize, index: u32| before[kind] + index as usize + 1;
                 let of = |kind: usize, attribute: Option<&CornerAttribute>| {
                     attribute.map(|a| row(kind, a.faces[i][c]))
@@ -111,7 +112,7 @@ impl<'a, W: Write> ObjFile<'a, W> {
         Ok(())
     }
 
-    /// Writes a table, if there is one.
+    /// Writes each row of a table after a keyword. `None` writes nothing.
     fn table(&mut self, kind: usize, keyword: &str, table: Option<&Tensor<2>>) -> Result<()> {
         let Some(table) = table else {
             return Ok(());

@@ -9,7 +9,7 @@ use super::split::Split;
 use super::srgb::{srgb_byte, srgb_table};
 use super::whole::write_whole;
 use crate::error::{Error, Result};
-use crate::scene::{Albedo, Material, Mesh, Scene};
+use crate::scene::{ColorTexture, Material, Mesh, Scene};
 
 /// Writes a mesh.
 pub(super) fn mesh(mesh: &Mesh, path: &Path) -> Result<()> {
@@ -31,7 +31,7 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
                 continue;
             }
             let colour = colour(material)?;
-            lost |= colour.is_none() || material.specular.reflects() || material.emits();
+            lost |= colour.is_none() || material.bsdf.lobe().is_some() || material.emits();
             parts.push((part, colour));
         }
     }
@@ -60,9 +60,10 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
 
 /// A material's albedo, None for a texture.
 fn colour(material: &Material) -> Result<Option<[f64; 3]>> {
-    match &material.diffuse {
-        Albedo::Constant(p) => Ok(Some(p.values()?)),
-        Albedo::Texture { .. } => Ok(None),
+    match material.bsdf.base() {
+        Some(ColorTexture::Constant(p)) => Ok(Some(p.values()?)),
+        Some(ColorTexture::Texture { .. }) => Ok(None),
+        None => Ok(Some([0.0; 3])),
     }
 }
 

@@ -1,18 +1,19 @@
-//! Polygons of files as triangles.
+//! Splits polygons of files into triangles.
 
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
 use super::LoadLimits;
 
-/// Polygons of more corners count together: clipping their ears takes time that grows with the square.
+/// Concave polygons with more corners share one limit, since the time of ear clipping grows with the square of the
+/// number of corners.
 const FEW: usize = 1024;
 
-/// The polygons of a file.
+/// Triangulates the polygons of one file within a limit.
 pub(super) struct Polygons {
-    /// The most corners of one that is not filled by a fan.
+    /// The largest number of corners of a polygon that a fan does not fill.
     most: u64,
-    /// The sum of the squares of those with more than a few corners.
+    /// The sum of the squared numbers of corners of such polygons with more than [`FEW`] corners.
     squares: u64,
 }
 
@@ -24,17 +25,17 @@ impl Polygons {
         }
     }
 
-    /// The corners of triangles that fill a polygon of at least three corners: a fan from its first corner
-    /// where that does, else what the `earcut` crate finds in the polygon's mean plane.
+    /// Returns the corners of triangles that fill a polygon of at least three corners. They are a fan from the first
+    /// corner if the fan fills the polygon. Otherwise, the `earcut` crate computes them in the polygon's mean plane.
     pub fn triangles(&mut self, corners: &[DVec3]) -> Result<Vec<[usize; 3]>, String> {
         let fan = || Ok((1..corners.len() - 1).map(|i| [0, i, i + 1]).collect());
         if corners.len() == 3 {
             return fan();
         }
-        // About the first corner, so that distant polygons don't round.
+        // Relative to the first corner, which reduces rounding far from the origin.
         let local: Vec<DVec3> = corners.iter().map(|&c| c - corners[0]).collect();
         let of_fan = |i: usize| local[i].cross(local[i + 1]);
-        // Twice the polygon's area along its normal (Newell), which is that of the fan.
+        // The normal times twice the polygon's area (Newell). The fan has the same sum.
         let normal: DVec3 = (1..local.len() - 1).map(of_fan).sum();
         let area = normal.length();
         if !(area > 0.0 && area.is_finite()) {
@@ -54,7 +55,7 @@ impl Polygons {
         if triangles.is_empty() {
             return fan();
         }
-        // Turned as the polygon is.
+        // Triangles get the orientation of the polygon.
         let turned = |&[a, b, c]: &[usize; 3]| {
             let across = (local[b] - local[a]).cross(local[c] - local[a]);
             if across.dot(normal) < 0.0 {
@@ -66,7 +67,7 @@ impl Polygons {
         Ok(triangles.iter().map(turned).collect())
     }
 
-    /// Counts a polygon that a fan does not fill.
+    /// Counts a polygon that a fan does not fill. Exceeding the limit is an error.
     fn check(&mut self, corners: usize) -> Result<(), String> {
         if corners > FEW {
             let square = (corners as u64).saturating_mul(corners as u64);
@@ -113,7 +114,7 @@ mod tests {
         assert_eq!(triangles(&corners), [[0, 1, 2], [0, 2, 3]]);
     }
 
-    /// The fans of these have 10 % and more area too much.
+    /// Fans of these polygons have at least 10 % too much area.
     #[test]
     fn concave_polygons_keep_their_area_and_side() {
         let turn = glam::DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.1);

@@ -1,4 +1,4 @@
-//! Rendered images in files.
+//! Writes rendered images to files.
 
 use std::path::Path;
 
@@ -12,11 +12,11 @@ use super::whole::write_whole;
 use crate::error::{Error, Result};
 use crate::render::Image;
 
-/// The grey of pixels without a surface in pictures of depth, which no depth has.
+/// The gray of pixels without a surface in depth pictures. No depth has this color.
 const BACKGROUND: [u8; 3] = [128; 3];
 
 impl Image {
-    /// Writes the radiance: `.exr` has linear 32-bit floats, `.png` has 8-bit sRGB clipped to [0, 1].
+    /// Writes the radiance: `.exr` as linear 32-bit floats, `.png` as 8-bit sRGB clipped to [0, 1].
     /// The file appears under its name only when it is complete.
     ///
     /// ```no_run
@@ -31,19 +31,21 @@ impl Image {
     /// ```
     ///
     /// # Errors
-    /// When the ending is another one, the tensor can't be read back, or the system fails.
+    /// If the file extension is another one, the tensor cannot be read back, or the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         format_of(path)?;
         HostImage::from_tensor(&self.radiance)?.write(path)
     }
 
-    /// Writes the depth: `.exr` has scene units, 0 where nothing is seen, the same in all three
-    /// channels. `.png` shows it by the colour map viridis, from dark violet for the nearest to
-    /// yellow for the farthest depth of the image, and grey where nothing is seen.
+    /// Writes the depth.
+    ///
+    /// `.exr` stores scene units, the same in all three channels, and 0 where no surface is visible. `.png` uses the
+    /// color map viridis, from dark violet for the nearest to yellow for the farthest depth of the image, and gray
+    /// where no surface is visible.
     ///
     /// # Errors
-    /// As [`Image::write`], and without [`RenderOptions::with_depth`](crate::render::RenderOptions::with_depth).
+    /// As [`Image::write`], or if [`RenderOptions::with_depth`](crate::render::RenderOptions::with_depth) is off.
     pub fn write_depth(&self, path: impl AsRef<Path>) -> Result<()> {
         let depth = self.depth.as_ref().map(in_three_channels);
         write_output(path.as_ref(), depth, "depth", |values| {
@@ -51,7 +53,7 @@ impl Image {
             let depths = || values.iter().copied().filter(|&d| seen(d));
             let near = depths().fold(f32::INFINITY, f32::min);
             let far = depths().fold(0.0, f32::max);
-            // Where all is at one depth, that is the nearest.
+            // If all depths are equal, all of them count as the nearest.
             let per_unit = if far > near { 1.0 / (far - near) } else { 0.0 };
             let colour = |d: f32| match seen(d) {
                 true => VIRIDIS
@@ -63,22 +65,24 @@ impl Image {
         })
     }
 
-    /// Writes the normals: `.exr` has them as they are, 0 where nothing is seen. `.png` has
-    /// 0.5 + 0.5·n in linear bytes, without sRGB encoding.
+    /// Writes the normals.
+    ///
+    /// `.exr` stores them unchanged, and 0 where no surface is visible. `.png` stores 0.5 + 0.5·n as linear bytes,
+    /// without sRGB encoding.
     ///
     /// # Errors
-    /// As [`Image::write`], and without [`RenderOptions::with_normals`](crate::render::RenderOptions::with_normals).
+    /// As [`Image::write`], or if [`RenderOptions::with_normals`](crate::render::RenderOptions::with_normals) is off.
     pub fn write_normals(&self, path: impl AsRef<Path>) -> Result<()> {
         write_output(path.as_ref(), self.normals.clone(), "normals", |values| {
             values.iter().map(|n| linear_byte(0.5 + 0.5 * n)).collect()
         })
     }
 
-    /// Writes the opacity: `.exr` has it the same in all three channels, `.png` has linear bytes of
-    /// grey, without sRGB encoding.
+    /// Writes the opacity: `.exr` with the same value in all three channels, `.png` as linear gray bytes, without
+    /// sRGB encoding.
     ///
     /// # Errors
-    /// As [`Image::write`], and without [`RenderOptions::with_opacity`](crate::render::RenderOptions::with_opacity).
+    /// As [`Image::write`], or if [`RenderOptions::with_opacity`](crate::render::RenderOptions::with_opacity) is off.
     pub fn write_opacity(&self, path: impl AsRef<Path>) -> Result<()> {
         let opacity = self.opacity.as_ref().map(in_three_channels);
         write_output(path.as_ref(), opacity, "opacity", |values| {
@@ -93,8 +97,8 @@ fn in_three_channels(plane: &Tensor<2>) -> Tensor<3> {
     plane.expand([height, width, 3])
 }
 
-/// Writes an output that may not have been asked for: `.exr` as it is, `.png` as bytes that a function makes
-/// of its values, one for each pixel of grey, or three.
+/// Writes an output of a render; a missing output is an error. `.exr` stores its values unchanged. `.png` stores the
+/// bytes that `picture` returns: one per pixel for gray, or three for RGB.
 fn write_output(
     path: &Path,
     output: Option<Tensor<3>>,

@@ -13,11 +13,11 @@ use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result, one_of};
 use crate::scene::{Camera, Environment, Light, Scene};
 
-/// A scene with a camera and an image size, from any file of a scene.
+/// A scene with a camera and an image size, loaded from a file.
 ///
-/// - glTF (`.gltf`, `.glb`): the first camera, and 256 rows of an image of its ratio.
-/// - OBJ and PLY, or a glTF file without a camera: [`Camera::framing`] from the front, and 256 × 256 pixels.
-/// - JSON that names a file of these with a camera:
+/// - glTF (`.gltf`, `.glb`): the first camera of the file, and 256 rows at its aspect ratio.
+/// - OBJ, PLY, or glTF without a camera: [`Camera::framing`] from the front, and 256 × 256 pixels.
+/// - JSON that refers to one of these files and sets the camera:
 ///
 /// ```json
 /// {
@@ -43,19 +43,20 @@ use crate::scene::{Camera, Environment, Light, Scene};
 /// }
 /// ```
 ///
-/// `environment` is a constant radiance, or the file of an equirectangular map (`"sky.hdr"`). `up`
-/// (y), the lens (a pinhole), `environment` (black), `lights` (none, beside those of the file; of the units of
-/// [`Light`]), `velocities` and `materials` (those of the scene) may be left out. A material replaces that of an
-/// object. Its numbers and its `base_colour` (white) may be images: the roughness (1) is the green channel as the file
-/// has it, `metallic` (0) the blue one, `ior` (1.5) the red one. Other fields are named in a warning. A lens without a focus
-/// distance focuses on the target. `obj` is another name of `scene`.
+/// `obj` is an alias of `scene`. `environment` is a constant radiance, or the file of an equirectangular map
+/// (`"sky.hdr"`). Optional fields are `up` (default: y), the lens (a pinhole), `environment` (black), `lights`
+/// (none), `velocities` and `materials` (those of the scene). A lens without a focus distance is focused on the
+/// target. `lights` are added to the lights of the file, in the units of [`Light`]. A material replaces the material
+/// of an object. Its `base_colour` (white), `roughness` (1), `metallic` (0) and `ior` (1.5) may be images. Of these,
+/// the roughness is the green channel, `metallic` the blue and `ior` the red channel, without color conversion. A
+/// warning lists unknown fields; in a material, they are an error.
 #[derive(Clone, Debug)]
 pub struct SceneFile {
     /// The scene.
     pub scene: Scene,
     /// The camera.
     pub camera: Camera,
-    /// All cameras of the file with their names; none if `camera` was made for it.
+    /// All cameras of the file with their names. Empty if the file has no camera.
     pub cameras: Vec<(String, Camera)>,
     /// Columns of the image.
     pub width: usize,
@@ -63,19 +64,19 @@ pub struct SceneFile {
     pub height: usize,
 }
 
-/// Rows of the image of a file that says nothing of them.
+/// Rows of the image if the file does not set its size.
 const ROWS: usize = 256;
 
-/// Columns of the widest such image.
+/// The largest number of columns of such an image.
 const MOST_COLUMNS: f64 = 4096.0;
 
-/// Whether a file is JSON that names one of a scene; an error where it is neither.
+/// Returns whether a file is JSON. An extension that is not supported is an error.
 fn is_json(path: &Path) -> Result<bool> {
     let known = [&SCENES[..], &["json"]].concat();
     Ok(ending(path, &known)? == "json")
 }
 
-/// Fields that are not known, by their names.
+/// Unknown fields by their names.
 type Unknown = BTreeMap<String, IgnoredAny>;
 
 #[derive(Deserialize)]
@@ -95,7 +96,7 @@ struct Document {
 }
 
 impl Document {
-    /// The fields that are not known, with the fields that they are in.
+    /// Returns the paths of the unknown fields.
     fn unknown(&self) -> Vec<String> {
         let lights = self.lights.iter().enumerate();
         let lights = lights.map(|(i, light)| (format!("lights[{i}]."), light.unknown()));
@@ -157,39 +158,40 @@ fn y_axis() -> [f64; 3] {
 }
 
 impl Scene {
-    /// Reads a scene by its file's ending.
+    /// Reads a scene from a file. The extension selects the format.
     ///
-    /// - `.obj`, with its MTL files: every `o` or `g` becomes an [`Object`](crate::scene::Object); pieces of equal name
-    ///   are one object, with a material for each face. Vertices that faces share in the file stay shared; where they
-    ///   have a fourth number w, x, y and z are divided by it. Colours of vertices (`v x y z r g b`) are sRGB, and bytes
-    ///   where any number is above 1; vertices without one are white. Normals and texture coordinates count for objects
-    ///   that have them at every corner. Of a material, `Kd`, `Ks`, `Ns`, `Ke` (radiance of the front side), `illum`,
-    ///   `map_Kd`, `map_Ks` (times `Ks`) and `map_Ke` (times `Ke`) count, and of the options of textures `-clamp on`.
-    ///   `map_Kd` counts instead of `Kd` on objects that have texture coordinates. `Ks` counts as 0 where `Ns` is 0 or
-    ///   `illum` is 0 or 1; without `illum` it counts, and without `Ns` the exponent is 1. Where `Kd` and `Ks` are
-    ///   above 1 together, for textures at any texel, `Ks` is scaled down. What has no `Kd` or no material is mid-grey
-    ///   like [`Material::default`](crate::scene::Material::default), or white where the file has colours of vertices.
-    ///   What is missing or malformed of materials and textures is left out, unless limits are
+    /// - `.obj`, with its MTL files. Every `o` or `g` becomes an [`Object`](crate::scene::Object) with a material per
+    ///   face. Pieces with the same name form one object. Vertices that faces share in the file stay shared. If a
+    ///   vertex has a fourth number w, its x, y and z are divided by w. Vertex colors (`v x y z r g b`) are sRGB; if
+    ///   any number is above 1, they are bytes. Vertices without a color are white. An object has normals or texture
+    ///   coordinates only if they are given at every corner.
+    ///
+    ///   Materials use `Kd`, `Ks`, `Ns`, `Ke` (radiance of the front side), `illum`, `map_Kd`, `map_Ks` (times `Ks`),
+    ///   `map_Ke` (times `Ke`), and the texture option `-clamp on`. On objects with texture coordinates, `map_Kd`
+    ///   replaces `Kd`. `Ks` is 0 if `Ns` is 0 or `illum` is 0 or 1. Without `illum`, `Ks` is used; without `Ns`, the
+    ///   exponent is 1. If `Kd` + `Ks` is above 1 (with textures: at any texel), `Ks` is scaled down. Surfaces
+    ///   without `Kd` or material are mid-gray like [`Material::default`](crate::scene::Material::default), or white
+    ///   if the file has vertex colors. Missing or malformed materials and textures are left out, unless limits are
     ///   [strict](LoadLimits::strict).
-    /// - `.gltf`, `.glb`: every node with a mesh becomes an object, in world space, with a material for each face, and
-    ///   every one with a light (KHR_lights_punctual; candela and lux are radiant intensity and irradiance) a light.
-    ///   Vertices at one place, which glTF splits where a normal or texture coordinate has a seam, are joined again.
-    ///   Buffers and images may be in the file or beside it.
-    /// - `.ply`: one object, named like the file, with colours of vertices and the texture of a comment `TextureFile`.
-    /// - `.json`: as [`SceneFile`].
+    /// - `.gltf`, `.glb`: every node with a mesh becomes an object in world space, with a material per face. Every
+    ///   node with a light (KHR_lights_punctual) becomes a light; candela and lux count as radiant intensity and
+    ///   irradiance. glTF splits vertices at seams of normals or texture coordinates; vertices at the same position
+    ///   are joined again. Buffers and images may be in the file or beside it.
+    /// - `.ply`: one object, named like the file, with vertex colors and the texture of a `TextureFile` comment.
+    /// - `.json`: see [`SceneFile`].
     ///
-    /// Polygons become triangles: fans where those fill them, else by ear clipping. Colours are sRGB in images, in
-    /// bytes of PLY and at vertices of OBJ, and linear elsewhere. What would change the picture and is not
-    /// rendered is named in a warning, once a file.
+    /// Polygons become triangle fans if these fill them; other polygons are split by ear clipping. Colors are sRGB in
+    /// images (except EXR and HDR), in 8- and 16-bit integers of PLY, and at OBJ vertices. They are linear elsewhere.
+    /// A warning per file lists content that would change the picture and is not rendered.
     ///
     /// # Errors
-    /// When a file is missing, malformed, too large, or outside of the scene's folder ([`LoadLimits`]), or there is
-    /// no face. The message says where in the file the mistake is.
+    /// If a file is missing, malformed, too large, or outside the scene's folder ([`LoadLimits`]), or if there is no
+    /// face. The message contains the place of the error in the file.
     pub fn load(path: impl AsRef<Path>, device: &Device) -> Result<Self> {
         Self::load_within(path, device, &LoadLimits::default())
     }
 
-    /// As [`Scene::load`] with given limits.
+    /// Reads a scene like [`Scene::load`], with the given limits.
     ///
     /// # Errors
     /// As [`Scene::load`].
@@ -207,16 +209,16 @@ impl Scene {
 }
 
 impl SceneFile {
-    /// Reads a file of a scene; see [`SceneFile`] and [`Scene::load`].
+    /// Reads a scene with its camera from a file; see [`SceneFile`] and [`Scene::load`].
     ///
     /// # Errors
-    /// When a file is missing, malformed, too large, or outside of the first file's folder
-    /// ([`LoadLimits`]), or a velocity names no object.
+    /// If a file is missing, malformed, too large, or outside the first file's folder ([`LoadLimits`]), or if a
+    /// velocity or material refers to an object that does not exist.
     pub fn load(path: impl AsRef<Path>, device: &Device) -> Result<Self> {
         Self::load_within(path, device, &LoadLimits::default())
     }
 
-    /// As [`SceneFile::load`] with given limits.
+    /// Reads a file like [`SceneFile::load`], with the given limits.
     ///
     /// # Errors
     /// As [`SceneFile::load`].

@@ -1,4 +1,4 @@
-//! Materials of facets that `scene.json` gives to objects.
+//! Microfacet materials that `scene.json` assigns to objects.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use super::HostImage;
 use super::decode::Decoded;
 use super::limits::Place;
 use crate::error::{Error, Result};
-use crate::scene::{Albedo, Material, ScalarTexture};
+use crate::scene::{Bsdf, ColorTexture, Material, ScalarTexture};
 
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -20,7 +20,7 @@ enum Model {
     Dielectric,
 }
 
-/// A material: numbers, and names of images in their place.
+/// A material. A field that is a JSON value holds numbers or the name of an image.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MaterialDocument {
@@ -40,7 +40,7 @@ fn ones() -> [f64; 3] {
 }
 
 impl Place<'_> {
-    /// The image of a name, decoded by a function.
+    /// Resolves the file of an image and decodes it with `read`.
     fn image<T>(&self, name: &str, read: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
         read(&self.limits.beside(self.path, name)?)
     }
@@ -50,12 +50,12 @@ impl Place<'_> {
         Err(Error::format(self.path, message))
     }
 
-    fn colour(&self, field: &str, value: Option<Value>) -> Result<Albedo> {
+    fn colour(&self, field: &str, value: Option<Value>) -> Result<ColorTexture> {
         match value {
             None => Ok([1.0; 3].into()),
             Some(Value::String(name)) => self.image(&name, |path| {
                 let image = HostImage::read_within(path, self.limits)?;
-                Ok(Albedo::texture(image.into_tensor(self.device)))
+                Ok(ColorTexture::texture(image.into_tensor(self.device)))
             }),
             Some(value) => match serde_json::from_value::<[f64; 3]>(value.clone()) {
                 Ok(colour) => Ok(colour.into()),
@@ -64,7 +64,7 @@ impl Place<'_> {
         }
     }
 
-    /// A number, or a channel of an image as its file has it.
+    /// Returns a number, or a texture from one channel of an image, without color conversion.
     fn number(
         &self,
         field: &str,
@@ -89,7 +89,7 @@ impl Place<'_> {
 }
 
 impl MaterialDocument {
-    /// The material of an object.
+    /// Builds the material of an object.
     pub fn build(self, object: &str, place: &Place) -> Result<Material> {
         let field = |name: &str| format!("materials.{object}.{name}");
         let roughness = place.number(&field("roughness"), self.roughness, 1.0, 1)?;
@@ -102,9 +102,12 @@ impl MaterialDocument {
             Model::Conductor => Material::conductor(self.eta, self.extinction, roughness),
             Model::Dielectric => {
                 let ior = place.number(&field("ior"), self.ior, 1.5, 0)?;
-                let mut glass = Material::dielectric(ior, roughness);
-                glass.diffuse = colour;
-                glass
+                Material::new(Bsdf::Dielectric {
+                    tint: colour,
+                    ior,
+                    roughness,
+                    compensated: true,
+                })
             }
         };
         Ok(material.named(object))

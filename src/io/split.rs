@@ -1,4 +1,4 @@
-//! Meshes with one row of each attribute for each vertex, as formats without seams have them.
+//! Splits vertices at seams, for file formats with one row of each attribute per vertex.
 
 use std::collections::HashMap;
 
@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::geometry::host_values;
 use crate::scene::{CornerAttribute, Mesh};
 
-/// A mesh on the host, its vertices split where an attribute has a seam.
+/// A mesh on the host whose vertices are split where an attribute has a seam.
 pub(super) struct Split {
     pub positions: Vec<[f64; 3]>,
     pub uvs: Option<Vec<[f64; 2]>>,
@@ -16,15 +16,15 @@ pub(super) struct Split {
     pub faces: Vec<[u32; 3]>,
 }
 
-/// The rows of a vertex's attributes, in the order of [`Mesh::attributes`].
+/// The row of a vertex in each attribute, in the order of [`Mesh::attributes`].
 type Rows = [u32; 4];
 
 impl Split {
-    /// Vertices keep their numbers; those that a seam adds come after them.
+    /// Splits a mesh. Vertices keep their indices, and vertices added at seams follow them.
     pub fn of(mesh: &Mesh) -> Result<Self> {
         let mut positions = mesh.host_vertices()?;
         let attributes = mesh.attributes().map(|(_, _, attribute)| attribute);
-        // The attributes' rows of each vertex that is there so far.
+        // The attribute rows of each vertex so far.
         let mut known: Vec<Option<Rows>> = vec![None; positions.len()];
         let mut added: HashMap<(u32, Rows), u32> = HashMap::new();
         let mut faces = mesh.faces.to_vec();
@@ -44,7 +44,7 @@ impl Split {
             }
         }
         let [uvs, normals, colours, tangents] = attributes;
-        // Vertices without a face have no rows, but normals have a direction.
+        // Vertices without a face get default values. The default normal has a direction.
         Ok(Self {
             positions,
             uvs: rows(uvs, 0, &known, [0.0; 2])?,
@@ -55,7 +55,7 @@ impl Split {
         })
     }
 
-    /// The part of it that some of its faces have.
+    /// Returns the part of the mesh that the given faces use.
     pub fn part(&self, faces: impl Iterator<Item = usize>) -> Self {
         let mut numbers: HashMap<u32, u32> = HashMap::new();
         let mut used: Vec<usize> = Vec::new();
@@ -79,7 +79,7 @@ impl Split {
     }
 }
 
-/// The rows of an attribute by vertex.
+/// Returns the value of an attribute for each vertex, and `none` for vertices without a face.
 fn rows<const C: usize>(
     attribute: Option<&CornerAttribute>,
     place: usize,

@@ -1,8 +1,8 @@
-//! sRGB and linear values.
+//! Conversion between sRGB and linear values.
 
 use image::{ColorType, DynamicImage};
 
-/// Linear values of the three colours of an image in sRGB.
+/// Decodes an sRGB image to linear RGB.
 pub(super) fn decode_srgb(image: &DynamicImage) -> Vec<f32> {
     let color = image.color();
     if let ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 = color {
@@ -20,7 +20,7 @@ pub(super) fn decode_srgb(image: &DynamicImage) -> Vec<f32> {
     pixels
 }
 
-/// The linear value of each byte of sRGB.
+/// Returns the linear value of each sRGB byte.
 pub(super) fn srgb_table() -> Vec<f32> {
     (0..256).map(|i| srgb_to_linear(i as f32 / 255.0)).collect()
 }
@@ -33,12 +33,12 @@ pub(crate) fn srgb_to_linear(v: f32) -> f32 {
     }
 }
 
-/// The byte of sRGB for a linear value, clipped to [0, 1].
+/// Encodes a linear value, clipped to [0, 1], as an sRGB byte.
 pub(crate) fn srgb_byte(linear: f32) -> u8 {
     (linear_to_srgb(linear) * 255.0).round() as u8
 }
 
-/// The 16 bits of sRGB for a linear value, clipped to [0, 1].
+/// Encodes a linear value, clipped to [0, 1], as 16-bit sRGB.
 pub(super) fn srgb_word(linear: f32) -> u16 {
     (linear_to_srgb(linear) * 65535.0).round() as u16
 }

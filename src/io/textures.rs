@@ -1,5 +1,5 @@
-//! Textures of materials from images of a file: each image is decoded and each texture made once, however many
-//! materials have it.
+//! Textures of materials from images of a file. Each texture is made once, however many materials use it. The image
+//! decoded last is kept, so that several textures of one image share the decoding.
 
 use std::collections::{HashMap, HashSet};
 use std::io::{BufReader, Cursor};
@@ -12,14 +12,14 @@ use super::description::{Description, ImageSource, TextureUse};
 use super::limits::{Memory, Place, TEXEL, open};
 use crate::error::{Error, Result};
 
-/// What is taken from an image.
+/// The part of an image that a texture uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Taken {
-    /// Linear RGB from sRGB.
+    /// Linear RGB, decoded from sRGB.
     Colours,
     /// A normal map.
     Tilts,
-    /// A channel as it is.
+    /// A channel without color conversion.
     Channel(usize),
     Alpha,
 }
@@ -33,10 +33,10 @@ impl Taken {
     }
 }
 
-/// A texture: the number of its image, what is taken from that, and the bits of the factors of the channels.
+/// The key of a texture: the index of its image, the part of the image, and the bits of the channels' factors.
 type Key = (usize, Taken, [u64; 3]);
 
-/// A texture.
+/// A texture on the device.
 #[derive(Clone)]
 pub(super) struct Texels {
     pub tensor: Tensor<3>,
@@ -48,22 +48,22 @@ pub(super) struct Texels {
 pub(super) struct Textures<'a> {
     description: &'a Description,
     place: Place<'a>,
-    /// What the file takes in memory, and the textures that are in it.
+    /// The memory that the file takes, and the textures that it includes.
     memory: Memory,
     counted: HashSet<Key>,
-    /// Whether textures are only counted: then nothing is decoded, and a texel stands for a texture.
+    /// Whether textures are only counted. If so, nothing is decoded, and every texture has a single texel.
     pub counting: bool,
-    /// Columns and rows of images, None of those that can't be read.
+    /// Columns and rows of images, `None` for images that cannot be read.
     sizes: HashMap<usize, Option<[usize; 2]>>,
-    /// Images that were decoded before.
+    /// Images whose decoding was tried.
     sound: HashSet<usize>,
     made: HashMap<Key, Texels>,
-    /// The image that was decoded last: what is taken from one comes one after the other.
+    /// The image that was decoded last. Textures of one image usually follow each other.
     last: Option<(usize, Decoded)>,
 }
 
 impl<'a> Textures<'a> {
-    /// Textures that are only counted until [`Self::decode`].
+    /// Creates textures that are only counted until [`Self::decode`].
     pub fn new(description: &'a Description, place: Place<'a>) -> Self {
         Self {
             description,
@@ -78,17 +78,17 @@ impl<'a> Textures<'a> {
         }
     }
 
-    /// Decodes images from now on.
+    /// Starts the decoding of images.
     pub fn decode(&mut self) {
         self.counting = false;
         self.made.clear();
     }
 
-    /// A texture, unless its image is missing or is none that is known: then there is a warning, and the surface is as it
-    /// is without it.
+    /// Returns a texture unless its image is missing or of an unknown format. In this case there is a warning, and
+    /// the surface is rendered without the texture.
     ///
     /// # Errors
-    /// If the image is larger than the limits, or can't be read and limits are strict.
+    /// If the image exceeds the limits, or cannot be read and limits are strict.
     pub fn found(&mut self, texture: Option<TextureUse>) -> Result<Option<TextureUse>> {
         let Some(TextureUse { image, .. }) = texture else {
             return Ok(None);
@@ -110,7 +110,7 @@ impl<'a> Textures<'a> {
         Ok(texture.filter(|_| size.is_some()))
     }
 
-    /// What was read of an image; None if it can't be, which is noted.
+    /// Returns the result of reading an image. A failure becomes `None` and a warning.
     fn unless_faulty<T>(&self, read: Result<T>) -> Result<Option<T>> {
         match read {
             Ok(read) => Ok(Some(read)),
@@ -121,7 +121,7 @@ impl<'a> Textures<'a> {
         }
     }
 
-    /// Columns and rows of an image.
+    /// Returns the columns and rows of an image.
     fn size(&mut self, image: usize) -> Result<[usize; 2]> {
         let source = &self.description.images[image];
         let size = match source {
@@ -136,30 +136,30 @@ impl<'a> Textures<'a> {
         Ok(size)
     }
 
-    /// Colours in sRGB, times a factor.
+    /// Returns linear RGB, multiplied by a factor.
     pub fn colours(&mut self, image: usize, factor: [f64; 3]) -> Result<Texels> {
         self.texels((image, Taken::Colours, factor.map(f64::to_bits)))
     }
 
-    /// A normal map, its x and y times a factor.
+    /// Returns a normal map with its x and y multiplied by a factor.
     pub fn tilts(&mut self, image: usize, factor: f64) -> Result<Tensor<3>> {
         let factors = [factor, factor, 1.0].map(f64::to_bits);
         Ok(self.texels((image, Taken::Tilts, factors))?.tensor)
     }
 
-    /// A channel times a factor.
+    /// Returns a channel multiplied by a factor.
     pub fn channel(&mut self, image: usize, channel: usize, factor: f64) -> Result<Tensor<2>> {
         let key = (image, Taken::Channel(channel), [factor.to_bits(); 3]);
         Ok(self.texels(key)?.tensor.squeeze_dim(2))
     }
 
-    /// The alpha times a factor.
+    /// Returns the alpha multiplied by a factor.
     pub fn alpha(&mut self, image: usize, factor: f64) -> Result<Tensor<2>> {
         let key = (image, Taken::Alpha, [factor.to_bits(); 3]);
         Ok(self.texels(key)?.tensor.squeeze_dim(2))
     }
 
-    /// A texture of one number or three a texel.
+    /// Returns a texture with one or three numbers per texel.
     fn texels(&mut self, key: Key) -> Result<Texels> {
         if let Some(known) = self.made.get(&key) {
             return Ok(known.clone());
@@ -179,7 +179,7 @@ impl<'a> Textures<'a> {
         Ok(texels)
     }
 
-    /// The numbers of a texture, row by row, and its rows and columns.
+    /// Returns the numbers of a texture, row by row, and its rows and columns.
     fn values(&mut self, key: Key) -> Result<(Vec<f32>, [usize; 2])> {
         let (image, taken, factors) = key;
         if self.counted.insert(key) {
@@ -207,9 +207,9 @@ impl<'a> Textures<'a> {
         Ok((values, [height, width]))
     }
 
-    /// Counts the memory of a texture that is made of an image.
+    /// Counts the memory of a texture that is made from an image.
     pub fn take(&mut self, image: usize) -> Result<()> {
-        // Kernels have three numbers a texel.
+        // Kernels store three numbers per texel.
         let size = self.sizes.get(&image).copied().flatten().unwrap_or([0; 2]);
         let pixels = size.map(|side| side as u64).into_iter().product();
         let taken = self.memory.take(pixels, 3 * TEXEL, self.place.limits);
@@ -236,7 +236,7 @@ impl<'a> Textures<'a> {
     }
 }
 
-/// What an image is called in messages.
+/// Returns the name of an image in messages.
 fn name(source: &ImageSource) -> &Path {
     match source {
         ImageSource::File(path) => path,

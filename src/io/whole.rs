@@ -7,14 +7,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::error::{Error, Result};
 
-/// A file that is complete but under another name in its folder; removed if it is never published.
+/// A complete file under a temporary name in its folder. It is removed if it is never published.
 pub(super) struct Part {
     part: PathBuf,
     path: PathBuf,
 }
 
 impl Part {
-    /// Writes a file's contents under another name in the same folder. If it fails nothing is left.
+    /// Writes a file's contents under a temporary name in the same folder. If this fails, no file is left.
     pub fn write(
         path: &Path,
         write: impl FnOnce(&mut BufWriter<fs::File>) -> Result<()>,
@@ -35,7 +35,7 @@ impl Part {
         Ok(this)
     }
 
-    /// Writes bytes one after the other.
+    /// Writes slices of bytes one after the other.
     pub fn of(path: &Path, bytes: &[&[u8]]) -> Result<Self> {
         Self::write(path, |file| {
             let written = bytes.iter().try_for_each(|bytes| file.write_all(bytes));
@@ -43,7 +43,7 @@ impl Part {
         })
     }
 
-    /// Gives it its name.
+    /// Renames the file to its final name.
     pub fn publish(self) -> Result<()> {
         fs::rename(&self.part, &self.path).map_err(Error::io(&self.path))
     }
@@ -51,12 +51,12 @@ impl Part {
 
 impl Drop for Part {
     fn drop(&mut self) {
-        // After it was published there is no such file.
+        // A published file no longer has this name.
         let _ = fs::remove_file(&self.part);
     }
 }
 
-/// Writes a file under another name in its folder and renames it, so that it is never seen incomplete.
+/// Writes a file under a temporary name in its folder and renames it, so that it is never visible incomplete.
 pub(crate) fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<fs::File>) -> Result<()>,
@@ -64,7 +64,7 @@ pub(crate) fn write_whole(
     Part::write(path, write)?.publish()
 }
 
-/// Checks that a file of so many bytes can be written: writes as many under another name, and removes them.
+/// Checks that a file of `bytes` bytes can be written: writes as many under a temporary name and removes them.
 pub(super) fn check_writable(path: &Path, bytes: usize) -> Result<()> {
     let zeros = |file: &mut BufWriter<fs::File>| {
         let written = std::io::copy(&mut std::io::repeat(0).take(bytes as u64), file);
@@ -83,13 +83,13 @@ pub(super) fn check_writable(path: &Path, bytes: usize) -> Result<()> {
     Err(Error::format(path, message))
 }
 
-/// The folder that a file is in.
+/// Returns the folder of a file.
 pub(super) fn folder_of(path: &Path) -> &Path {
     let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
     folder.unwrap_or(Path::new("."))
 }
 
-/// The one of some endings that a path has, in letters of either case.
+/// Returns the extension of a path if it is in `known`, regardless of case. Any other extension is an error.
 pub(super) fn ending<'a>(path: &Path, known: &[&'a str]) -> Result<&'a str> {
     let found = path.extension().and_then(|e| e.to_str()).unwrap_or("");
     let same = known.iter().find(|e| found.eq_ignore_ascii_case(e));

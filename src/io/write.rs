@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::{gltf_write, obj_write, ply_write, whole::ending};
 use crate::error::{Error, Result};
-use crate::scene::{Bsdf, Material, Mesh, Scene, check_scene};
+use crate::scene::{BsdfKind, Material, Mesh, Scene, check_scene};
 
 /// The endings of files that are written.
 const WRITTEN: [&str; 4] = ["obj", "gltf", "glb", "ply"];
@@ -102,7 +102,7 @@ impl Scene {
             [
                 (
                     "the BSDF, but for its diffuse colour",
-                    m.bsdf != Bsdf::Phong,
+                    m.bsdf.kind() != BsdfKind::Phong,
                 ),
                 ("the normal map", m.normal_map.is_some()),
                 ("the alpha mask", m.alpha_mask.is_some()),

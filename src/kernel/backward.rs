@@ -1,4 +1,5 @@
-//! Paths, backward: derivatives by everything that they hit, level by level from their last points to the camera.
+//! The backward pass over paths, level by level from their last points to the camera: derivatives with respect to
+//! everything that they hit.
 
 use std::ops::Deref;
 
@@ -14,15 +15,15 @@ use crate::trace::{
     map_backward, middle_of, point_backward, seen_backward, sky_backward, target_of,
 };
 
-/// Paths whose levels were kept, on their way back.
+/// Paths whose levels were kept, in the backward pass.
 pub(super) struct Return<'a> {
     pub of: PathBlock<'a>,
     pub walks: &'a Walks,
-    /// The derivatives of the loss by what each path saw.
+    /// The derivatives of the loss with respect to the outputs of each path.
     pub upstream: &'a [&'a Seen],
-    /// How much the loss depends on a camera ray's light on average.
+    /// The average derivative of the loss with respect to the light of a camera ray.
     pub typical: f32,
-    /// How many searches for edges of each kind a point makes that counts as much as a camera ray does on average.
+    /// The number of searches of each kind that a point makes whose light counts as much as an average camera ray.
     pub searches: [f32; 2],
     pub sums: &'a Sums<'a>,
 }
@@ -37,13 +38,13 @@ impl<'a> Deref for Return<'a> {
 }
 
 impl Return<'_> {
-    /// The derivative of the loss by the light of a lane's path.
+    /// Returns the derivative of the loss with respect to the light of a lane's path.
     #[inline(always)]
     pub fn by_light(&self, level: &Level, lane: usize) -> V3 {
         self.upstream[level.paths[lane] as usize].radiance
     }
 
-    /// Goes back along the paths: adds the derivatives of the light that each brought, times its part of the loss's.
+    /// Goes back along the paths and adds the derivatives of the light of each path, times its upstream gradient.
     pub fn go_back(&self, work: &mut Work) {
         work.yields.paths += std::mem::take(&mut work.counts.rays) as f64;
         let mut back = std::mem::take(&mut work.back);
@@ -53,7 +54,7 @@ impl Return<'_> {
             find_moving(self, &mut back);
             self.begin_edges(&mut back.edges);
         }
-        // Nothing comes behind the last points.
+        // Nothing comes after the last points.
         back.step(walks.levels[walks.depth - 1].len());
         back.swap();
         for at in (0..walks.depth).rev() {
@@ -80,7 +81,8 @@ impl Return<'_> {
     }
 }
 
-/// Finds the points of paths that move, or from which the rays on turn: those behind a point that moves do.
+/// Marks the points that move, and the points from which the next rays turn. Points behind a marked point are marked,
+/// too.
 #[apply(stage!)]
 fn find_moving<'a>(to: &'a Return<'a>, back: &'a mut Back) {
     let walks = to.walks;
@@ -101,7 +103,7 @@ fn find_moving<'a>(to: &'a Return<'a>, back: &'a mut Back) {
     }
 }
 
-/// Back over the rays with which paths leave their points.
+/// The backward pass of the rays with which paths leave their points.
 #[apply(stage!)]
 fn ways_backward<'a>(to: &'a Return<'a>, level: &'a Level, back: &'a mut Back) {
     for lane in 0..level.len() {
@@ -129,7 +131,7 @@ fn ways_backward<'a>(to: &'a Return<'a>, level: &'a Level, back: &'a mut Back) {
     }
 }
 
-/// Back over light from emitters, delta lights and maps.
+/// The backward pass of light from emitters, delta lights and environment maps.
 #[apply(stage!)]
 fn lights_backward<'a>(to: &'a Return<'a>, level: &'a Level, back: &'a mut Back) {
     let lists = &to.lists;
@@ -151,13 +153,13 @@ fn lights_backward<'a>(to: &'a Return<'a>, level: &'a Level, back: &'a mut Back)
     }
 }
 
-/// Back over points to the rays that came to them.
+/// The backward pass from points to the rays that reached them.
 #[apply(stage!)]
 fn points_backward<'a>(to: &'a Return<'a>, level: &'a Level, first: bool, back: &'a mut Back) {
     let interior = to.settings.interior;
     for lane in 0..level.len() {
         let point = level.points.get(lane);
-        // Light ends where nothing is reflected.
+        // Light ends at surfaces that do not reflect.
         let seen = first && interior;
         if !point.reflects && !seen {
             continue;
@@ -176,7 +178,7 @@ fn points_backward<'a>(to: &'a Return<'a>, level: &'a Level, first: bool, back: 
     back.swap();
 }
 
-/// Back over camera rays, with the light of the environment that they see.
+/// The backward pass of camera rays, and of the light of the environment that they see.
 #[apply(stage!)]
 fn cameras_backward<'a>(to: &'a Return<'a>, back: &'a Back) {
     let (lists, of) = (&to.lists, &to.wanted.of);
@@ -201,7 +203,7 @@ fn cameras_backward<'a>(to: &'a Return<'a>, back: &'a Back) {
 }
 
 impl Back {
-    /// Makes room for the derivatives by what comes before points.
+    /// Makes room for the derivatives of the previous level.
     fn step(&mut self, before: usize) {
         self.throughputs_before.clear();
         self.throughputs_before.resize(before, V3::ZERO);
@@ -209,7 +211,7 @@ impl Back {
         self.rays_before.resize(before, RayGradient::default());
     }
 
-    /// Goes on with what came before.
+    /// Continues with the derivatives of the previous level.
     fn swap(&mut self) {
         std::mem::swap(&mut self.throughputs, &mut self.throughputs_before);
         std::mem::swap(&mut self.rays, &mut self.rays_before);

@@ -1,4 +1,4 @@
-//! Direct light: connections of surface points to emitters, delta lights and directions of a map.
+//! Direct light: connections of surface points to emitters, delta lights and directions of an environment map.
 
 use std::ops::Range;
 
@@ -33,7 +33,7 @@ impl Connecting {
         };
         let (x, chance) = (point.position, self.chance);
         let found = target.connect(&point.shading, x, chance, self.by_scattering, cone);
-        // It starts behind the light, or there is none.
+        // Otherwise the shadow ray would start behind the light, or there is no connection.
         if found.limit > 0.0 {
             let throughput = level.throughputs.get(self.lane);
             let light = brought(&found, radiance(), throughput);
@@ -41,7 +41,7 @@ impl Connecting {
         }
     }
 
-    /// Adds the ray of a connection and the light that arrives if nothing is in between.
+    /// Adds the shadow ray of a connection, and the light that arrives if no occluder is in between.
     #[inline(always)]
     fn push(
         &self,
@@ -71,7 +71,7 @@ impl Connecting {
     }
 }
 
-/// Light from one point of one emitter, and from those that lie along the direction in which a path goes on.
+/// Adds connections to one point of one emitter, and to the emitters along the direction in which a path continues.
 #[apply(stage!)]
 pub(super) fn direct_from_emitters<'a>(
     of: &'a PathBlock<'a>,
@@ -130,8 +130,8 @@ pub(super) fn direct_from_emitters<'a>(
     }
 }
 
-/// Chooses an emitter for each of some lanes; those along the directions in which glossy paths go on are left in
-/// `work.along`, with their probabilities.
+/// Chooses an emitter for each of some lanes. The emitters along the directions in which glossy paths continue are
+/// stored in `work.along`, with their probabilities.
 #[inline(always)]
 fn choose_emitters(
     of: &PathBlock,
@@ -197,10 +197,10 @@ fn choose_emitters(
     chosen
 }
 
-/// Up to so many triangles that emit are passed to find those that lanes chose.
+/// Up to this number of emitting triangles, a loop over all of them selects those that the lanes chose.
 const PASSED: u32 = 8;
 
-/// Connects matt surfaces to points of triangles, all lanes at once.
+/// Connects matt surfaces to points of triangles, for all lanes at once.
 #[inline(always)]
 fn connect_matt(
     of: &PathBlock,
@@ -212,7 +212,7 @@ fn connect_matt(
 ) {
     let points = level.points.lanes(lanes.start);
     let (lists, emitters) = (&of.lists, &of.emitters);
-    // The triangles that lanes chose, and what their fronts emit there.
+    // The triangle that each lane chose, and the radiance that its front emits at the chosen point.
     let mut on = Eight::<EmitterTriangle>::default();
     let passed = emitters.triangle_count <= PASSED;
     if passed {
@@ -252,8 +252,8 @@ fn connect_matt(
     }
 }
 
-/// Light of a map along a direction drawn from it, and along that in which the path goes on: where that is sure, the ray on
-/// finds whether the map is seen there.
+/// Adds light of an environment map along a direction drawn from it, and along the direction in which the path
+/// continues. If the path is sure to continue, the next ray shows whether the map is visible in that direction.
 #[apply(stage!)]
 pub(super) fn direct_from_map<'a>(
     of: &'a PathBlock<'a>,
@@ -293,11 +293,11 @@ pub(super) fn direct_from_map<'a>(
     }
 }
 
-/// Adds the light of the map that waits for rays on, where these hit nothing.
+/// Adds the light of the map that waits for the next rays, for those rays that hit nothing.
 pub(super) fn see_map(level: &mut Level, list: &mut [Walk], work: &Work) {
     let mut rays = work.lanes.iter().zip(&work.hits);
     for waiting in &work.waiting {
-        // Both are in the order of lanes.
+        // Both lists are in the order of lanes.
         let own = rays.find(|(lane, _)| **lane == waiting.lane);
         if own.is_some_and(|(_, hit)| hit.triangle == NOTHING) {
             let path = level.paths[waiting.lane as usize];

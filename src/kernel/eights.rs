@@ -1,8 +1,8 @@
-//! Stages of eight paths at once: loops that compilers make vector instructions of. They are of matt surfaces, of which all
-//! paths take the same steps; what else there is goes path by path.
+//! Stages for eight paths at once, as loops that compilers vectorize. They cover matt surfaces, for which all paths
+//! take the same steps. Everything else is computed path by path.
 //!
-//! Lanes come and go by value: compilers have to see that what a loop reads is not what it writes, which they do not see of
-//! references once functions are inlined.
+//! Lanes are passed and returned by value. To vectorize a loop, the compiler must prove that its outputs do not overlap
+//! its inputs, which it cannot do for references once functions are inlined.
 
 #![allow(
     clippy::needless_range_loop,
@@ -23,8 +23,8 @@ use crate::trace::{HitTriangle, Leaving, Point, leave_sharply, on_plane, plain_p
 /// The lanes of a record.
 pub(super) type Eight<T> = <T as Record>::Lanes;
 
-/// The records of all lanes, each from its index: a loop that is written out where it is used, as a closure may not be
-/// inlined.
+/// Computes the records of all lanes from their indices. It is a macro that writes out the loop, because a closure may
+/// not be inlined.
 macro_rules! each_lane {
     ($record:ty, |$i:ident| $value:expr) => {{
         let mut out = Eight::<$record>::default();
@@ -36,13 +36,13 @@ macro_rules! each_lane {
     }};
 }
 
-/// Whether all of the first lanes are of matt surfaces.
+/// Returns whether the first `lanes` lanes are all on matt surfaces.
 #[inline(always)]
 pub(super) fn are_matt(points: &Eight<Point>, lanes: usize) -> bool {
     (0..lanes).all(|i| Point::get(points, i).shading.is_matt())
 }
 
-/// The points of planes that rays hit, about there, where these are plain ([`Features::plain_points`]).
+/// Computes the points at which rays hit planes, from approximate points. Requires [`Features::plain_points`].
 ///
 /// [`Features::plain_points`]: crate::trace::Features::plain_points
 #[inline(always)]
@@ -60,7 +60,7 @@ pub(super) fn plain_points(
     })
 }
 
-/// The weights of the corners of triangles in these points.
+/// Computes the barycentric weights of the hit points in their triangles.
 #[inline(always)]
 pub(super) fn weights(
     triangles: Eight<Triangle>,
@@ -76,7 +76,7 @@ pub(super) fn weights(
     })
 }
 
-/// Coordinates of points of the pixel filter for random numbers.
+/// Maps random numbers to coordinates of points of the pixel filter.
 #[inline(always)]
 pub(super) fn filter_of(table: &[f32], u: Eight<f32>) -> Eight<f32> {
     let places = each_lane!(f32, |i| filter_place(u[i]));
@@ -86,13 +86,13 @@ pub(super) fn filter_of(table: &[f32], u: Eight<f32>) -> Eight<f32> {
     })
 }
 
-/// Points of the lens.
+/// Returns points of the lens.
 #[inline(always)]
 pub(super) fn lens_points(drawn: Eight<Four>) -> Eight<V2> {
     each_lane!(V2, |i| uniform_disk(drawn.x[i], drawn.y[i]))
 }
 
-/// The rays through film points, which are given about the middles of pixels, from points of the lens.
+/// Returns the rays from points of the lens through film points, which are given relative to the middles of pixels.
 #[inline(always)]
 pub(super) fn camera_rays(
     camera: Camera,
@@ -106,7 +106,7 @@ pub(super) fn camera_rays(
     })
 }
 
-/// The rays with which paths leave matt surfaces, without cones and roulette.
+/// Computes the rays with which paths leave matt surfaces, without cones and roulette.
 #[inline(always)]
 pub(super) fn leave(
     points: Eight<Point>,
@@ -121,7 +121,7 @@ pub(super) fn leave(
     })
 }
 
-/// The rays of cones about the directions in which paths leave matt surfaces.
+/// Draws rays from the cones about the directions in which paths leave matt surfaces.
 #[inline(always)]
 pub(super) fn bend(
     points: Eight<Point>,
@@ -146,7 +146,7 @@ pub(super) fn scatter(points: Eight<Shading>, numbers: Eight<Four>) -> Eight<Sca
     })
 }
 
-/// Looks at few emitters from points ([`EmitterLists::look`]): leaves their probabilities in `room`.
+/// Computes the probabilities of few emitters as seen from points ([`EmitterLists::look`]) and stores them in `room`.
 #[inline(always)]
 pub(super) fn look(emitters: &EmitterLists, at: &Eight<Receiver>, room: &mut [Eight<f32>]) {
     let mut totals = [0.0; LANES];
@@ -163,7 +163,7 @@ pub(super) fn look(emitters: &EmitterLists, at: &Eight<Receiver>, room: &mut [Ei
     }
 }
 
-/// What one emitter brings to points.
+/// Estimates the light that one emitter sends to points.
 #[inline(always)]
 fn brings(emitters: &EmitterLists, k: u32, at: Eight<Receiver>) -> Eight<f32> {
     if emitters.is_light(k) {
@@ -192,13 +192,13 @@ pub(super) fn choose(numbers: Eight<f32>, room: &[Eight<f32>]) -> Eight<Chosen> 
     each_lane!(Chosen, |i| Choosing::get(&choosing, i).end(numbers[i]))
 }
 
-/// Points of emitters, by what is left of the numbers that chose these, and another.
+/// Returns points of emitters, from the rest of the number that chose the emitter and from a second number.
 #[inline(always)]
 pub(super) fn uniform_points(u: Eight<f32>, v: Eight<f32>) -> Eight<V2> {
     each_lane!(V2, |i| uniform_point(u[i], v[i]))
 }
 
-/// The triangles of a few emitters that were chosen.
+/// Returns the chosen triangles of few emitters.
 #[inline(always)]
 pub(super) fn chosen_triangles(
     emitters: &EmitterLists,
@@ -209,7 +209,7 @@ pub(super) fn chosen_triangles(
     for k in 0..emitters.triangle_count {
         let (at_rest, velocity) = (emitters.at_rest(k), emitters.velocity(k));
         for i in 0..LANES {
-            // A factor in place of a condition: loads under one are not made vector instructions of.
+            // A factor replaces a condition, because conditional loads are not vectorized.
             let own = if chosen[i] == k { 1.0 } else { 0.0 };
             let to = EmitterTriangle::get(&out, i);
             let on = at_rest.moved(velocity * times[i]);
@@ -226,7 +226,7 @@ pub(super) fn chosen_triangles(
     out
 }
 
-/// The light that connections bring to the paths of points, if nothing is in between.
+/// Computes the light that connections add to the paths of points if no occluder is in between.
 #[inline(always)]
 pub(super) fn lights(
     found: Eight<Connection>,
@@ -239,14 +239,14 @@ pub(super) fn lights(
     })
 }
 
-/// The light that a connection brings to the path of a point.
+/// Computes the light that a connection adds to the path of a point.
 #[inline(always)]
 pub(super) fn brought(found: &Connection, radiance: V3, throughput: V3) -> V3 {
     throughput * (found.reflected * radiance * found.scale)
 }
 
-/// Connections of matt surfaces to points of emitters, and the directions to these; with `CONES` along rays of cones of
-/// a tangent, for random numbers.
+/// Connects matt surfaces to points of emitters, and returns the directions to these points and the connections. With
+/// `CONES`, shadow rays are drawn from cones of the given tangent.
 #[inline(always)]
 pub(super) fn connect<const CONES: bool>(
     points: Eight<Point>,

@@ -8,7 +8,7 @@ use crate::model::triangle::{self, AREA};
 use crate::scene::{HostAttribute, HostScene, SceneFrame};
 use crate::trace::{NONE, TRIANGLE};
 
-/// The place of an object's parts in the scene's lists.
+/// The offsets of an object's values in the lists of the scene.
 #[derive(Clone, Debug)]
 pub(crate) struct ObjectPart {
     pub first_triangle: usize,
@@ -18,20 +18,20 @@ pub(crate) struct ObjectPart {
     pub first_normal: usize,
     pub first_colour: usize,
     pub first_tangent: usize,
-    /// Whether it has shading normals.
+    /// Whether the object has shading normals.
     pub smooth: bool,
 }
 
-/// Values at the corners of triangles that few scenes have; empty in the others.
+/// Values at triangle corners that few scenes have. Both lists are empty in other scenes.
 #[derive(Default)]
 pub(crate) struct Corners<const C: usize> {
-    /// Rows of the values at the corners of each triangle, [`NONE`] where it has none.
+    /// For each triangle, the rows of the values at its corners, or [`NONE`] if it has none.
     pub rows: Vec<[u32; 3]>,
     pub values: Vec<[f32; C]>,
 }
 
 impl<const C: usize> Corners<C> {
-    /// The value at a corner of a triangle.
+    /// Returns the value at a corner of a triangle.
     pub fn at(&self, k: usize, corner: usize) -> Option<[f32; C]> {
         match self.rows.get(k)?[corner] {
             NONE => None,
@@ -39,7 +39,7 @@ impl<const C: usize> Corners<C> {
         }
     }
 
-    /// Adds those of an object with so many faces, unless no object of the scene has any.
+    /// Adds the values of an object with `faces` faces, unless no object of the scene has any.
     fn add(&mut self, of: Option<&HostAttribute<C>>, faces: usize, any: bool) {
         if !any {
             return;
@@ -56,10 +56,10 @@ impl<const C: usize> Corners<C> {
     }
 }
 
-/// Rows that several cores are worth waking for.
+/// The number of rows from which several cores fill a list.
 const TOGETHER: usize = 4096;
 
-/// Adds so many rows.
+/// Adds `count` rows to a list.
 fn extend<T: Send>(list: &mut Vec<T>, count: usize, row: impl Fn(usize) -> T + Sync + Send) {
     if count < TOGETHER {
         list.extend((0..count).map(row));
@@ -68,13 +68,13 @@ fn extend<T: Send>(list: &mut Vec<T>, count: usize, row: impl Fn(usize) -> T + S
     }
 }
 
-/// Lists of a scene's triangles ([`Scene`](crate::trace::Scene)).
+/// The lists of a scene's triangles ([`Scene`](crate::trace::Scene)).
 #[derive(Default)]
 pub(crate) struct Lists {
-    /// Vertices, in inner coordinates.
+    /// Vertices in inner coordinates.
     vertices: Vec<DVec3>,
     pub objects: Vec<ObjectPart>,
-    /// The object of the scene that each object with triangles is, in order.
+    /// The indices of the objects that have triangles, in order.
     pub counted: Vec<usize>,
     pub surfaces: Vec<[f32; triangle::NUMBERS]>,
     pub triangles: Vec<[u32; TRIANGLE as usize]>,
@@ -86,7 +86,7 @@ pub(crate) struct Lists {
 }
 
 impl Lists {
-    /// Those of all objects of a scene, but for its surfaces.
+    /// Packs all objects of a scene. [`add_surfaces`](Self::add_surfaces) adds the surfaces.
     pub fn new(scene: &HostScene, frame: &SceneFrame) -> Self {
         let mut lists = Self::default();
         let coloured = scene.objects.iter().any(|o| o.colours.is_some());
@@ -97,7 +97,7 @@ impl Lists {
         for i in 0..scene.objects.len() {
             lists.add_object(scene, i, frame, [coloured, tangents]);
         }
-        // Colours count where the model of a material has an albedo.
+        // Colors apply only to materials whose model has an albedo.
         for (rows, words) in lists.colours.rows.iter_mut().zip(&lists.triangles) {
             if !scene.materials[words[0] as usize].kind.bsdf.is_tinted() {
                 *rows = [NONE; 3];
@@ -106,7 +106,7 @@ impl Lists {
         lists
     }
 
-    /// Adds an object; of colours and tangents it says whether any object of the scene has them.
+    /// Adds an object. The flags state whether any object of the scene has colors, and whether any has tangents.
     fn add_object(
         &mut self,
         scene: &HostScene,
@@ -159,14 +159,14 @@ impl Lists {
         self.objects.push(part);
     }
 
-    /// The corners of a triangle.
+    /// Returns the corners of a triangle.
     #[inline(always)]
     pub fn corners(&self, k: usize) -> [DVec3; 3] {
         self.vertex_rows[k].map(|v| self.vertices[v as usize])
     }
 
-    /// All triangles as boxes are made about them, from the ways of objects over the shutter. One whose area has no
-    /// inverse in f32 counts as without area and is never hit.
+    /// Returns all triangles as the hierarchy takes them, given the displacement of each object over the shutter. A
+    /// triangle whose area has no inverse in f32 counts as a triangle without area and is never hit.
     pub fn for_boxes(
         &self,
         velocity: impl Fn(u32) -> DVec3 + Sync + Send,
@@ -180,7 +180,7 @@ impl Lists {
         (0..self.triangles.len()).into_par_iter().map(triangle)
     }
 
-    /// Adds all triangles as paths meet them, from those in boxes.
+    /// Adds the surfaces of all triangles, as paths read them, from the triangles of the hierarchy.
     pub fn add_surfaces(&mut self, in_boxes: &[HostTriangle]) {
         let surface = |t: &HostTriangle| {
             let [a, b, c] = t.corners;
@@ -196,7 +196,7 @@ impl Lists {
             surface
         };
         self.surfaces = in_boxes.par_iter().map(surface).collect();
-        // They are in the surfaces now.
+        // The surfaces contain the vertices now.
         self.vertices = Vec::new();
     }
 }

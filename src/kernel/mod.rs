@@ -1,12 +1,12 @@
-//! Path tracing on the host, in f32, with derivatives by hand: the stages of [`trace`](crate::trace) over paths that go
-//! together.
+//! Path tracing on the host in f32, with hand-written derivatives. It runs the stages of [`trace`](crate::trace) over
+//! blocks of paths.
 //!
-//! `scene` holds a scene's lists, made of `lists` of triangles, `view` adds a camera and settings. `walk` holds
-//! blocks of paths and the levels that they come to; `path` traces them forward with direct light of `direct`, and
-//! `eights` computes steps of matt surfaces for eight at once; `backward` goes back over the levels. `edges` finds and draws edges at
-//! which visibility jumps, `boundary` traces what the jumps contribute,
-//! and `shares` says how many samples it takes. `gradient` holds the sums of derivatives, `tasks`
-//! renders the pixels of a core.
+//! `scene` holds the lists of a scene, made from `lists` of triangles; `view` adds a camera and settings. `walk` holds
+//! blocks of paths and the levels that they reach. `path` traces them forward, with direct light from `direct`, and
+//! `eights` computes steps on matt surfaces for eight paths at once. `backward` goes back over the levels. `edges`
+//! collects and draws the edges at which visibility jumps, `boundary` traces the contributions of the jumps, and
+//! `shares` computes the number of samples for them. `gradient` holds the sums of derivatives, and `tasks` renders the
+//! pixels of a core.
 
 mod backward;
 mod boundary;

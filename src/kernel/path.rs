@@ -1,5 +1,5 @@
-//! Paths, forward: from camera rays to the light that they bring back. Each stage goes over all paths of a block before the
-//! next begins.
+//! The forward pass: from camera rays to the light that paths collect. Each stage processes all paths of a block before
+//! the next stage begins.
 
 use std::ops::Range;
 
@@ -28,14 +28,14 @@ impl PathBlock<'_> {
         self.reflected(walks, work);
     }
 
-    /// The hits of all rays.
+    /// Computes the hits of all rays.
     fn find_hits<const ANY: bool>(&self, work: &mut Work) {
         let (scene, hits) = (&self.scene, &mut work.hits);
         let holes = scene.holes.as_deref();
         (scene.hierarchy).hits::<ANY, false>(self.arch, holes, &work.rays, hits);
     }
 
-    /// Adds the light that the surface points of the first level reflect towards the points that see them, times their
+    /// Adds the light that the surface points of the first level reflect towards the viewing points, times the
     /// throughputs.
     pub(super) fn reflected(&mut self, walks: &mut Walks, work: &mut Work) {
         if self.features.dark {
@@ -80,12 +80,12 @@ impl PathBlock<'_> {
         }
     }
 
-    /// Whether paths that leave their points may end by roulette.
+    /// Returns whether Russian roulette may end paths that leave their points.
     pub(super) fn plays(&self, last: bool) -> bool {
         self.features.roulette && self.bounce >= self.lists.roulette_after && !last
     }
 
-    /// Adds the light of lights that paths are connected to where they are.
+    /// Adds the direct light at the points of a level.
     fn gather_lights(&self, level: &mut Level, last: bool, list: &mut [Walk], work: &mut Work) {
         work.rays.clear();
         work.candidates.clear();
@@ -113,7 +113,7 @@ impl PathBlock<'_> {
         level.lights.extend(seen.map(|(sample, _)| *sample));
     }
 
-    /// The point that a ray hit.
+    /// Returns the point that a ray hit.
     #[inline(always)]
     fn point(&self, hit: Hit, ray: &HitRay) -> Point {
         let (origin, direction, t) = (V3::from(ray.origin), V3::from(ray.direction), hit.t);
@@ -122,7 +122,7 @@ impl PathBlock<'_> {
     }
 }
 
-/// The random numbers of eight paths, of which the first are there.
+/// Draws random numbers for up to eight paths. The lanes outside the given range repeat the first path.
 #[inline(always)]
 pub(super) fn drawn_by<'a>(
     stream: impl Fn(usize) -> &'a Stream,
@@ -136,7 +136,7 @@ pub(super) fn drawn_by<'a>(
     draw_eight(streams, what)
 }
 
-/// Makes the camera rays of paths.
+/// Makes the camera rays of all paths.
 #[apply(stage!)]
 fn leave_cameras<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
     work.rays.clear();
@@ -174,7 +174,7 @@ fn leave_cameras<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut 
     }
 }
 
-/// Draws the random numbers for the emitters that the first points are connected to.
+/// Draws the random numbers for the emitters to which the first points are connected.
 #[apply(stage!)]
 pub(super) fn draw_emitters<'a>(of: &'a PathBlock<'a>, level: &'a mut Level) {
     for first in (0..level.len()).step_by(LANES) {
@@ -188,7 +188,8 @@ pub(super) fn draw_emitters<'a>(of: &'a PathBlock<'a>, level: &'a mut Level) {
     }
 }
 
-/// Takes paths to the first surfaces that their rays hit, and adds the light that these emit, or that of the environment.
+/// Moves paths to the first surfaces that their rays hit, and adds the light that these emit, or the light of the
+/// environment.
 #[apply(stage!)]
 fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
     let lists = &of.lists;
@@ -215,7 +216,7 @@ fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
     }
 }
 
-/// Finds the points that arriving rays hit, one for each lane of a level.
+/// Computes the points that arriving rays hit, one for each lane of a level.
 #[inline(always)]
 fn points(of: &PathBlock, level: &mut Level, work: &Work) {
     let lists = &of.lists;
@@ -250,7 +251,7 @@ fn points(of: &PathBlock, level: &mut Level, work: &Work) {
         }
         let points = level.points.lanes_mut(first);
         *points = eights::plain_points(planes, shifts, nears, hits);
-        // Nothing but derivatives asks for them.
+        // Only derivatives use the weights.
         if of.kept.levels {
             let mut triangles = Eight::<Triangle>::default();
             for lane in lanes {
@@ -290,7 +291,7 @@ fn draw<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, last: bool) {
     }
 }
 
-/// Draws the directions in which paths go on, or would go.
+/// Draws the directions in which paths continue, or would continue.
 #[apply(stage!)]
 fn scatter<'a>(of: &'a PathBlock<'a>, level: &'a mut Level) {
     for first in (0..level.len()).step_by(LANES) {
@@ -363,7 +364,7 @@ fn leave_surfaces<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, last: bool, w
     }
 }
 
-/// Takes paths to the next surfaces that their rays hit.
+/// Moves paths to the next surfaces that their rays hit.
 #[apply(stage!)]
 fn arrive<'a>(of: &'a PathBlock<'a>, from: &'a Level, to: &'a mut Level, work: &'a mut Work) {
     to.clear(work.rays.len());
@@ -381,7 +382,7 @@ fn arrive<'a>(of: &'a PathBlock<'a>, from: &'a Level, to: &'a mut Level, work: &
     points(of, to, work);
 }
 
-/// Adds the light of the environment where rays hit nothing.
+/// Adds the light of the environment for rays that hit nothing.
 #[apply(stage!)]
 fn escape<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, list: &'a mut [Walk], work: &'a Work) {
     for (&lane, hit) in work.lanes.iter().zip(&work.hits) {

@@ -1,4 +1,4 @@
-//! A scene as the host's kernels trace it, and as GPUs take it from.
+//! A scene as the host's kernels trace it. GPU buffers are made from it, too.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -27,14 +27,14 @@ pub(crate) struct KernelScene {
     pub frame: SceneFrame,
     pub hierarchy: Arc<Hierarchy>,
     pub lists: Lists,
-    /// The way of each object over the shutter, if any moves.
+    /// The displacement of each object over the shutter, if any object moves.
     pub velocities: Option<Vec<[f32; 3]>>,
-    /// Holes, if any surface has any.
+    /// The holes of alpha masks, if any surface has them.
     pub holes: Option<Arc<Holes>>,
     pub materials: Vec<Material>,
     pub texels: Texels,
     pub emitters: Emitters,
-    /// Lengths of the directions of lights, as they are given.
+    /// The lengths of the light directions as the user gave them.
     pub lengths_of_axes: Vec<f64>,
     pub sky: Sky,
     pub features: Features,
@@ -52,7 +52,7 @@ struct Flat {
 }
 
 impl KernelScene {
-    /// The number of triangles without area.
+    /// Returns the number of triangles without area.
     pub fn degenerate(&self) -> u64 {
         let surfaces = self.lists.surfaces.iter();
         surfaces.filter(|t| t[AREA] <= 0.0).count() as u64
@@ -74,14 +74,14 @@ impl KernelScene {
         let velocities = moves.then(|| ways.iter().map(|v| v.as_vec3().to_array()).collect());
         let way = |object: u32| ways[object as usize];
         let triangle = |k: usize| (lists.corners(k), way(lists.triangles[k][1]));
-        // Rays don't tell triangles from copies of them, unless they emit or have holes.
+        // Rays cannot distinguish a triangle from a copy of it, unless the triangles emit or have holes.
         let (materials, holes) = (&scene.materials, &scene.holes);
         let plain = |k: usize| {
             let emits = materials[lists.triangles[k][0] as usize].kind.emits;
             !emits && holes.as_ref().is_none_or(|holes| !holes.are_in(k))
         };
         let spare: Spare = Some(&plain);
-        // As in the last render, while a fit looks at a scene from elsewhere or by other light.
+        // In a fit that changes only the camera or the light, the triangles are those of the last render.
         let last = cache.last();
         let last = last.filter(|last| last.is_of(lists.triangles.len(), triangle));
         let hierarchy = last.unwrap_or_else(|| cache.take(like, lists.for_boxes(way), spare));
@@ -113,7 +113,7 @@ impl KernelScene {
         this
     }
 
-    /// The triangles that emit.
+    /// Returns the triangles that emit.
     fn emissive(&self) -> Vec<Emitter> {
         let emitter = |k: usize| {
             let words = &self.lists.triangles[k];
@@ -142,7 +142,7 @@ impl KernelScene {
         (0..self.lists.surfaces.len()).filter_map(emitter).collect()
     }
 
-    /// What it has; a view adds what it has.
+    /// Returns the features of the scene; a view adds its own.
     fn features(&self) -> Features {
         let models = self.materials.iter().map(|m| Models::of(m.kind.bsdf));
         let lists = &self.lists;
@@ -183,7 +183,7 @@ impl KernelScene {
         }
     }
 
-    /// Its lists; a view adds its own.
+    /// Returns the lists of the scene; a view adds its own.
     #[inline(always)]
     pub fn scene(&self) -> Scene<'_> {
         let (lists, flat, emitters) = (&self.lists, &self.flat, self.emitters.lists());
@@ -238,19 +238,19 @@ impl KernelScene {
         scene
     }
 
-    /// A triangle, in inner coordinates at the start of the shutter.
+    /// Returns a triangle in inner coordinates, at the start of the shutter.
     #[inline(always)]
     pub fn triangle(&self, k: u32) -> Triangle {
         triangle_at(self.lists.surfaces.as_flattened(), k)
     }
 
-    /// The object of a triangle.
+    /// Returns the object of a triangle.
     #[inline(always)]
     pub fn object_of(&self, triangle: u32) -> u32 {
         self.lists.triangles[triangle as usize][1]
     }
 
-    /// The vector by which a triangle has moved at a time in the shutter.
+    /// Returns the displacement of a triangle at a time in the shutter.
     #[inline(always)]
     pub fn shift(&self, triangle: u32, time: f32) -> V3 {
         match &self.velocities {
@@ -259,13 +259,14 @@ impl KernelScene {
         }
     }
 
-    /// The derivative by a parameter of the i-th delta light, from those by its numbers in a list.
+    /// Returns the derivative of the loss with respect to a parameter of the i-th delta light, given the derivatives
+    /// with respect to the light's numbers in the list.
     pub fn by_light(&self, i: usize, part: LightPart, by: [f64; 11]) -> [f64; 3] {
         let light = &self.emitters.lights()[i];
         light.by_part(by, part, self.frame.unit, self.lengths_of_axes[i])
     }
 
-    /// The number of all vertices.
+    /// Returns the total number of vertices.
     pub fn vertices(&self) -> usize {
         let last = self.lists.objects.last();
         last.map_or(0, |o| o.first_vertex + o.vertices)
@@ -276,11 +277,11 @@ impl KernelScene {
     }
 }
 
-/// The texels of materials so far.
+/// The texels of the materials that were packed so far.
 #[derive(Default)]
 struct Packed {
     texels: Texels,
-    /// Where those lie that several textures share, by their addresses.
+    /// The offsets of texels that several textures share, by their addresses.
     shared: HashMap<*const Vec<f32>, usize>,
 }
 
@@ -294,7 +295,7 @@ impl Packed {
         }
     }
 
-    /// Packs a colour; the texels of a texture move to the others.
+    /// Packs a color. The texels of a texture move into the common list.
     fn colour(&mut self, colour: &mut HostTexture) -> Colour {
         let (constant, texture) = match colour {
             HostTexture::Constant(c) => (DVec3::from(*c).into(), None),
@@ -312,7 +313,7 @@ impl Packed {
         Colour { constant, texture }
     }
 
-    /// The number of the first of some texels, which are packed once.
+    /// Returns the offset of texels in the common list. Shared texels are packed once.
     fn place(&mut self, texels: Arc<Vec<f32>>) -> usize {
         let address = Arc::as_ptr(&texels);
         if let Some(&offset) = self.shared.get(&address) {
@@ -329,7 +330,7 @@ impl Packed {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Material {
-    /// Each at its place ([`Channel::place`](crate::scene::Channel::place)).
+    /// Each channel is at [`Channel::place`](crate::scene::Channel::place).
     pub channels: [Colour; CHANNELS],
     pub kind: MaterialKind,
     pub normal_map: Option<Texture>,
@@ -340,7 +341,7 @@ impl Material {
         self.normal_map.is_some() || self.channels.iter().any(|c| c.texture.is_some())
     }
 
-    /// Bits, and the textures of its channels and of its normal map.
+    /// Returns the flags of the material and the words of its textures: those of its channels and its normal map.
     fn words(&self) -> [u32; MATERIAL as usize] {
         let kind = &self.kind;
         let bit = |is: bool, bit: u32| if is { bit } else { 0 };

@@ -1,32 +1,34 @@
-//! How many samples each kind of edge is given, by how much some of them vary and cost.
+//! Computes the number of samples for each kind of edge, from the measured variance and cost of some samples.
 
 use std::ops::AddAssign;
 
 use crate::model::jumps::FEW_SAMPLES;
 
-/// Kinds of edges: of shadows of emitters, of reflected light, and on the film.
+/// The kinds of edges: shadows of emitters, reflected light, and the film.
 pub(crate) const SHADOWS: usize = 0;
 pub(crate) const REFLECTED: usize = 1;
 pub(crate) const ON_FILM: usize = 2;
 const KINDS: usize = 3;
 
-/// The variance of a sum of samples of a kind over the sum of their squares. Samples on the film are spread evenly over all
-/// edges there.
+/// The variance of a sum of samples of a kind, divided by the sum of their squares. Samples on the film are spread
+/// evenly over all edges there.
 const VARIANCE: [f64; KINDS] = [1.0, 1.0, 0.1];
-/// What a search for an edge of each kind costs, in rays of light beside edges.
+/// The cost of a search for an edge of each kind, in units of one ray of light beside edges.
 const SEARCH: [f64; KINDS] = [3.0, 3.0, 0.0];
-/// What a ray of a path costs in the image and on the way back, in the same unit.
+/// The cost of a ray of a path, in the image and in the backward pass, in the same unit.
 const PATH: f64 = 0.65;
-/// Time for edges over that for paths, and where a pixel has few samples.
+/// Time for edges divided by time for paths; the second value applies where a pixel has few samples.
 const OVER_PATHS: f64 = 2.0;
 const OVER_FEW_PATHS: f64 = 1.0;
-/// The fewest and the most samples of a kind, over the usual number.
+/// The smallest and the largest number of samples of a kind, divided by the usual number.
 const FEWEST: f64 = 0.125;
 const MOST: f64 = 8.0;
-/// Steps between numbers of samples, for each factor of two, so that rounding of sums does not change them.
+/// The number of steps per factor of two to which shares are rounded, so that rounding errors of sums do not change
+/// them.
 const STEPS: f64 = 4.0;
 
-/// Of samples of edges of a kind: the sum of squares of the derivatives by these edges' points, and the cost.
+/// The result of the samples of a kind: the sum of the squared derivatives with respect to the edges' points, and the
+/// cost.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Yield {
     pub squares: f64,
@@ -42,7 +44,7 @@ impl Yield {
     }
 }
 
-/// The cost of paths, and what samples of edges of each kind brought.
+/// The cost of paths, and the results of the samples of each kind of edge.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Yields {
     /// Rays of paths.
@@ -62,7 +64,7 @@ impl AddAssign for Yields {
 }
 
 impl Yields {
-    /// Of so many times as many pixels and samples.
+    /// Returns the values for `factor` times as many pixels and samples.
     pub fn times(mut self, factor: f64) -> Self {
         self.paths *= factor;
         for of in &mut self.edges {
@@ -73,10 +75,10 @@ impl Yields {
         self
     }
 
-    /// The number of samples of each kind of edge over the usual one, with which this was measured.
+    /// Returns the number of samples of each kind of edge, divided by the usual number with which this was measured.
     ///
-    /// With m times as many samples a sum's variance, here the sum of squares, falls as 1/m and its cost grows as m. At a
-    /// given total cost the variance is least if m is proportional to √(squares / cost).
+    /// With m times as many samples, the variance of a sum (here the sum of squares) falls as 1/m and its cost grows as
+    /// m. At a given total cost, the variance is least if m is proportional to √(squares / cost).
     pub fn shares(&self, samples_log: u32) -> [f32; KINDS] {
         let edges = &self.edges;
         let cost = |kind: usize| edges[kind].rays + SEARCH[kind] * edges[kind].searches;
@@ -103,7 +105,7 @@ mod tests {
 
     const MANY: u32 = FEW_SAMPLES + 1;
 
-    /// With as much time for edges as for paths.
+    /// Values for which the usual number of samples takes exactly the time for edges.
     fn yields(variances: [f64; KINDS], rays: [f64; KINDS]) -> Yields {
         let edges = std::array::from_fn(|kind| Yield {
             squares: variances[kind] / VARIANCE[kind],
@@ -114,14 +116,14 @@ mod tests {
         Yields { paths, edges }
     }
 
-    /// The time that there is goes to what makes the noise, and nothing changes where all bring as much.
+    /// Time goes to the kinds with the largest variance, and shares stay 1 where all kinds have the same.
     #[test]
     fn samples_go_where_the_variance_is() {
         let even = yields([5.0; KINDS], [30.0; KINDS]).shares(MANY);
         assert_eq!(even, [1.0; KINDS]);
         let few = yields([5.0; KINDS], [30.0; KINDS]).shares(FEW_SAMPLES);
         assert_eq!(few, [0.5; KINDS]);
-        // Variance a_k / m_k at a cost Σ c_k m_k: no shift of cost from a kind to another lowers the sum.
+        // The variance is Σ a_k / m_k at a cost Σ c_k m_k: moving cost from one kind to another cannot lower it.
         let (a, c) = ([8.0, 2.0, 1.0], [10.0, 40.0, 20.0]);
         let m = yields(a, c).shares(MANY).map(f64::from);
         let variance = |m: [f64; KINDS]| (0..KINDS).map(|k| a[k] / m[k]).sum::<f64>();

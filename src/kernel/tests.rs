@@ -5,7 +5,7 @@ use burn::tensor::{Device, Tensor};
 use super::scene::KernelScene;
 use crate::accel::LastHierarchy;
 use crate::sampling::EmitterSampling;
-use crate::scene::{Albedo, HostScene, Material, Mesh, Object, Scene};
+use crate::scene::{ColorTexture, HostScene, Material, Mesh, Object, Scene};
 
 /// Emitters with a texture are chosen by its mean over the triangle: here of radiance (1 − cos 2πu)(1 + v), of which two
 /// triangles see other parts and a third a constant.
@@ -22,8 +22,8 @@ fn a_textured_emitter_is_chosen_by_its_mean_radiance() {
         })
         .collect();
     let texels = Tensor::<1>::from_floats(texels.as_slice(), &device);
-    let texture = Albedo::texture(texels.reshape([height, width, 3]));
-    let triangle = |uvs: [[f32; 2]; 3], z: f64, emission: Albedo| {
+    let texture = ColorTexture::texture(texels.reshape([height, width, 3]));
+    let triangle = |uvs: [[f32; 2]; 3], z: f64, emission: ColorTexture| {
         let corners = [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
         let uvs = Tensor::<2>::from_floats(uvs, &device);
         let mesh = Mesh::from_host(&corners, vec![[0, 1, 2]], &device).with_uvs(uvs);

@@ -22,19 +22,19 @@ pub(crate) struct View {
     pub filter: Arc<PixelFilter>,
     /// The tangent of the half-angle of the cones of bounce and shadow rays.
     pub cone: f32,
-    /// Random numbers for the kernels of cones.
+    /// Random numbers for the cone kernels.
     pub cones: Sampler,
     pub arch: pulp::Arch,
     pub features: Features,
     pub wanted: Wanted,
-    /// What stages read beside the lists of the scene ([`Scene`]).
+    /// Lists that stages read in addition to those of the scene ([`Scene`]).
     flat: Flat,
-    /// Edges that something can jump at.
+    /// The edges at which something can jump.
     pub edge_sets: Option<Arc<EdgeSets>>,
     pub has_edges: bool,
 }
 
-/// Triangles that have so few edges, mostly, that these are a list, not a tree.
+/// Up to this many triangles, their edges mostly form a list and not a tree.
 const FEW_TRIANGLES: usize = 21;
 
 /// Lists of a view that stages read.
@@ -45,7 +45,7 @@ struct Flat {
     seeds: [[u32; 2]; PURPOSES],
 }
 
-/// A view while its paths are traced: with the lists that stages read.
+/// A view while its paths are traced, with the lists that stages read.
 pub(super) struct Tracer<'a> {
     view: &'a View,
     pub lists: Scene<'a>,
@@ -61,7 +61,7 @@ impl Deref for Tracer<'_> {
     }
 }
 
-/// The settings that a view is made from beside scene and camera.
+/// The settings of a view, besides scene and camera.
 #[derive(Clone)]
 pub(crate) struct ViewSettings {
     pub width: u32,
@@ -72,7 +72,7 @@ pub(crate) struct ViewSettings {
     pub roulette_after: Option<u32>,
     pub multiple_importance: bool,
     pub sampler: Sampler,
-    /// Whether gradients have the interior derivative, beside the jumps.
+    /// Whether gradients contain the interior term, besides the boundary term.
     pub interior: bool,
 }
 
@@ -117,7 +117,7 @@ impl View {
         Features {
             lens: self.camera.aperture > 0.0,
             parallel: self.camera.parallel,
-            // Points on emitters are chosen by the BSDF as well.
+            // BSDF sampling also generates points on emitters.
             combined: settings.multiple_importance && !self.scene.emitters.all().is_empty(),
             sees_sky: shines && !gathers_map,
             gathers_map,
@@ -128,12 +128,12 @@ impl View {
         }
     }
 
-    /// Adds what is known of jumps to what derivatives are asked for.
+    /// Adds to the required derivatives the flags and sizes that follow from the edges.
     fn add_derivatives(&mut self) {
         let has_nodes = |sets: &Arc<EdgeSets>| sets.seen_by(true).has_nodes;
         let of = &mut self.wanted.of;
         of.jumps = self.has_edges && !self.features.dark;
-        // Not by what passes through what, so that kernels serve while that changes.
+        // This does not depend on which triangles cross, so that compiled kernels still fit when crossings change.
         let many = self.scene.lists.triangles.len() > FEW_TRIANGLES;
         of.edge_nodes = many || self.edge_sets.as_ref().is_some_and(has_nodes);
         of.grouped = self.scene.emitters.groups.len() > 1;
@@ -145,7 +145,7 @@ impl View {
         settings.extend([self.cone, self.scene.frame.unit as f32]);
         let emitters = &self.scene.emitters;
         let group = |g: &EmitterGroup| {
-            // Members follow each other.
+            // The members of a group have consecutive numbers.
             let moves = g.members.iter().any(|&k| match emitters.light(k as usize) {
                 None => self.wanted.objects[emitters.get(k as usize).object as usize] != 0,
                 Some(light) => self.wanted.moving_lights[light],
@@ -164,7 +164,7 @@ impl View {
         }
     }
 
-    /// With the lists that stages read.
+    /// Returns this view with the lists that stages read.
     pub(super) fn tracer(&self) -> Tracer<'_> {
         let lists = self.lists();
         Tracer {
@@ -174,7 +174,7 @@ impl View {
         }
     }
 
-    /// The lists of the scene, and its own.
+    /// Returns the lists of the scene together with those of the view.
     pub fn lists(&self) -> Scene<'_> {
         let (settings, flat) = (&self.settings, &self.flat);
         let mut scene = Scene {
@@ -200,7 +200,7 @@ impl View {
         scene
     }
 
-    /// Adds the derivatives by parameters of the camera at their places.
+    /// Adds the derivatives with respect to parameters of the camera at their places in `all`.
     pub fn write_camera(
         &self,
         sums: &[f64],
@@ -214,7 +214,7 @@ impl View {
             .backward(sums, unit, (aspect, filter), places, all);
     }
 
-    /// Tells that shadows of delta lights have hard edges, whose derivative is left out.
+    /// Logs a warning, once, if shadows of delta lights have hard edges, whose derivative is left out.
     pub fn warn_of_hard_shadows(&self) {
         static ONCE: Once = Once::new();
         let turns = self.wanted.of.turns && self.settings.bounces > 0;

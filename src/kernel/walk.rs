@@ -1,4 +1,4 @@
-//! The state of paths on their way, bounce by bounce, which is also the record that they leave for the backward pass.
+//! The state of paths while they are traced, bounce by bounce. It is also the record for the backward pass.
 
 use std::ops::Deref;
 
@@ -14,19 +14,19 @@ use crate::sampling::{EmitterKinds, Four, Met, Stream};
 pub(crate) use crate::trace::Seen;
 use crate::trace::{Arrived, Leaving, Point, PointGradient, RayGradient};
 
-/// Paths that go together, about: so many that stages fill their lanes, and the machine has others to do while it waits
-/// for one.
+/// The approximate number of paths that are traced together. It is large enough to fill the lanes of stages, and to
+/// give the processor other work while it waits for one path's data.
 pub(super) const TOGETHER: usize = 64;
 
-/// Samples of a pixel that go together, at most.
+/// The largest number of samples of a pixel that are traced together.
 pub(super) const RUN: usize = 8;
 
 /// The constants of a path.
 #[derive(Clone, Copy)]
 pub(crate) struct Path {
-    /// What its random numbers come from.
+    /// The source of its random numbers.
     pub numbers: Stream,
-    /// Where those for the kernels of cones come from.
+    /// The index of its source of random numbers for the cone kernels.
     pub cones: u32,
     pub time: f32,
 }
@@ -42,13 +42,13 @@ pub(super) struct Paths {
 pub(super) struct PathBlock<'a> {
     pub tracer: &'a Tracer<'a>,
     pub paths: &'a [Path],
-    /// What random numbers for cones come from, if there are any.
+    /// The sources of random numbers for cones, if there are cones.
     pub cones: &'a [Stream],
     pub bounce: u32,
     pub kept: Kept,
 }
 
-/// What paths leave behind beside the light that they bring back.
+/// What paths record in addition to their light.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Kept {
     /// All levels, for the backward pass.
@@ -67,13 +67,13 @@ impl<'a> Deref for PathBlock<'a> {
 }
 
 impl<'a> PathBlock<'a> {
-    /// The path of a lane.
+    /// Returns the path of a lane.
     #[inline(always)]
     pub fn path(&self, level: &Level, lane: usize) -> &'a Path {
         &self.paths[level.paths[lane] as usize]
     }
 
-    /// The time of a lane's path.
+    /// Returns the shutter time of a lane's path.
     #[inline(always)]
     pub fn time(&self, level: &Level, lane: usize) -> f32 {
         if self.features.moves {
@@ -84,18 +84,18 @@ impl<'a> PathBlock<'a> {
     }
 }
 
-/// What a path saw first, and the light that it brought back so far.
+/// The first surface that a path saw, and the light that it has collected so far.
 #[derive(Clone, Copy)]
 pub(crate) struct Walk {
     /// The triangle that the first ray hit, or [`NOTHING`].
     pub seen: u32,
     pub light: Seen,
-    /// Its rays, where they are counted.
+    /// The number of its rays, if rays are counted.
     pub rays: u32,
 }
 
 impl Walk {
-    /// The first ray hit a surface point.
+    /// Records the surface point that the first ray hit.
     #[inline(always)]
     pub fn see(&mut self, point: &Point) {
         self.seen = point.triangle;
@@ -105,21 +105,21 @@ impl Walk {
     }
 }
 
-/// Paths that go together.
+/// Paths that are traced together.
 #[derive(Default)]
 pub(crate) struct Walks {
     pub list: Vec<Walk>,
-    /// Random numbers of the film.
+    /// Random numbers for the film.
     pub film: Block<Four>,
     pub cameras: Block<CameraRay>,
-    /// The surface points that paths come to, bounce by bounce. Where they are not kept two take turns.
+    /// The surface points that paths reach, bounce by bounce. If levels are not kept, two of them are used in turn.
     pub levels: Vec<Level>,
-    /// The number of levels that paths came to.
+    /// The number of levels that paths reached.
     pub depth: usize,
 }
 
 impl Walks {
-    /// Begins with a number of paths, none of which has come to a surface.
+    /// Resets this to `count` paths, none of which has reached a surface.
     pub fn clear(&mut self, count: usize) {
         self.list.clear();
         let new = Walk {
@@ -134,7 +134,7 @@ impl Walks {
         self.depth = 1;
     }
 
-    /// A level, after those before it.
+    /// Returns a level, and adds levels up to it if there are fewer.
     pub fn level(&mut self, index: usize) -> &mut Level {
         let room = self.levels.len().max(index + 1);
         self.levels.resize_with(room, Level::default);
@@ -142,28 +142,29 @@ impl Walks {
     }
 }
 
-/// The paths of a block that came to a surface point after some bounces: what each has there is in a lane of its own.
+/// The paths of a block that reached a surface point after the same number of bounces, each in a lane of its own.
 #[derive(Default)]
 pub(crate) struct Level {
-    /// The path of each lane, and its lane a bounce before.
+    /// The path of each lane, and (in `before`) the lane of that path one bounce earlier.
     pub paths: Vec<u32>,
     pub before: Vec<u32>,
     pub points: Block<Point>,
-    /// The throughput of the path where it arrives.
+    /// The throughput with which the path arrives.
     pub throughputs: Block<V3>,
-    /// Random numbers for the emitter that it is connected to.
+    /// Random numbers for the emitter to which the point is connected.
     pub emitters: Block<V2>,
-    /// For the way on and the next emitter, for choices, and for the cones of the next ray and of that to a light.
+    /// Random numbers for the next direction and the next emitter (`numbers`), for choices (`choices`), and for the
+    /// cones of the next ray and of the shadow ray (`cones`).
     pub numbers: Block<Four>,
     pub choices: Block<Four>,
     pub cones: Block<Four>,
-    /// Whether all of eight lanes are of matt surfaces.
+    /// For each group of eight lanes, whether all are on matt surfaces.
     pub matt: Vec<bool>,
-    /// The way on, where the path goes on.
+    /// The sampled next direction and ray, if the path continues.
     pub scatters: Block<Scatter>,
     pub leavings: Block<Leaving>,
     pub ways: Vec<Way>,
-    /// Light that arrives.
+    /// Light that arrives at the points.
     pub lights: Vec<LightSample>,
 }
 
@@ -172,7 +173,7 @@ impl Level {
         self.paths.len()
     }
 
-    /// Makes room for a number of paths; none is there.
+    /// Removes all paths and makes room for `room` of them.
     pub fn clear(&mut self, room: usize) {
         self.paths.clear();
         self.before.clear();
@@ -190,7 +191,7 @@ impl Level {
         self.leavings.reserve(room);
     }
 
-    /// A path comes to a surface point, which is set apart from this.
+    /// Adds a path that reached a surface point. The caller sets the point itself.
     #[inline(always)]
     pub fn add(&mut self, path: u32, before: u32, throughput: V3) {
         self.throughputs.set(self.len(), throughput);
@@ -202,18 +203,19 @@ impl Level {
 /// How a path leaves a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Way {
-    /// It doesn't.
+    /// It ends here.
     Ends,
     On,
-    /// Its ray hit nothing, and brought light of the environment.
+    /// Its ray hit nothing and collected light of the environment.
     Escaped,
 }
 
-/// Light that was seen: from a point of an emitter, from a delta light, or along a direction of a map.
+/// Light that arrived unblocked: from a point of an emitter, from a delta light, or from a direction of an environment
+/// map.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightSample {
     pub lane: u32,
-    /// [`NONE`](crate::trace::NONE) of a map.
+    /// [`NONE`](crate::trace::NONE) for an environment map.
     pub emitter: u32,
     /// Weights of the emitter's corners b and c.
     pub weights: V2,
@@ -221,26 +223,27 @@ pub(super) struct LightSample {
     pub arrived: Arrived,
 }
 
-/// A connection of a lane's point to a light, before its ray is made.
+/// A connection of a lane's point to a light, before its shadow ray is made.
 #[derive(Clone, Copy)]
 pub(super) struct Connecting {
     pub lane: usize,
-    /// [`NONE`] of a map.
+    /// [`NONE`] for an environment map.
     pub emitter: u32,
     pub weights: V2,
-    /// The probability or density with which it was drawn, or would have been if it was found by scattering.
+    /// The probability or density with which light sampling drew it, or would have drawn it if BSDF sampling generated
+    /// it.
     pub chance: f32,
     pub by_scattering: bool,
 }
 
-/// Light that arrives if nothing is in between.
+/// Light that arrives if no occluder is in between.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
     pub path: u32,
     pub light: V3,
 }
 
-/// Light of a map along the way on, which arrives if the ray on hits nothing.
+/// Light of an environment map along the next direction, which arrives if the next ray hits nothing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Waiting {
     pub lane: u32,
@@ -250,9 +253,9 @@ pub(super) struct Waiting {
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RayCounts {
-    /// Camera, bounce and shadow rays.
+    /// Camera rays, bounce rays and shadow rays.
     pub rays: u64,
-    /// Paths that looked for their next surface, by bounce.
+    /// By bounce: the number of paths that were traced to their next surface.
     pub bounces: Vec<u64>,
 }
 
@@ -274,47 +277,48 @@ impl RayCounts {
     }
 }
 
-/// Memory of paths that go together, used again for the next.
+/// Scratch memory for paths that are traced together, reused for the next paths.
 #[derive(Default)]
 pub(crate) struct Work {
     pub(super) rays: Vec<HitRay>,
     pub(super) hits: Vec<Hit>,
-    /// The lanes that rays belong to.
+    /// The lane of each ray.
     pub(super) lanes: Vec<u32>,
-    /// Rays that hit surfaces.
+    /// The rays that hit surfaces.
     pub(super) arriving: Vec<u32>,
     pub(super) candidates: Vec<Candidate>,
-    /// What is kept of each.
+    /// The record of each candidate for the backward pass.
     pub(super) samples: Vec<LightSample>,
     pub(super) waiting: Vec<Waiting>,
-    /// Of a choice of an emitter, of one path and of eight.
+    /// Memory for choosing an emitter: for one path (`room`) and for eight (`few`).
     pub(super) room: Vec<u32>,
     pub(super) few: Vec<Eight<f32>>,
     pub(super) met: Met,
-    /// Emitters that lie along the directions in which glossy paths go on.
+    /// Emitters along the directions in which glossy paths continue.
     pub(super) along: Vec<Connecting>,
     /// Paths on both sides of edges.
     pub(super) side_walks: Walks,
     pub(super) side_lights: Vec<Option<Seen>>,
     pub(super) back: Back,
     pub(crate) counts: RayCounts,
-    /// What backward passes cost, and how much samples of edges vary.
+    /// The cost of backward passes, and the variance of edge samples.
     pub(crate) yields: Yields,
 }
 
-/// Derivatives on the way back, one a lane.
+/// The derivatives of the backward pass, one for each lane.
 #[derive(Default)]
 pub(super) struct Back {
     pub points: Vec<PointGradient>,
-    /// By the throughput behind a point, then by that before it; and by the ray that leaves it.
+    /// Derivatives with respect to the throughput after a point, later with respect to the throughput before it; and
+    /// (in `rays`) with respect to the ray that leaves the point.
     pub throughputs: Vec<V3>,
     pub rays: Vec<RayGradient>,
-    /// By the throughput that leaves the point before, and by its ray.
+    /// Derivatives with respect to the throughput that leaves the previous point, and to its ray.
     pub throughputs_before: Vec<V3>,
     pub rays_before: Vec<RayGradient>,
-    /// Random numbers for edges, of each path.
+    /// Random numbers for edges, for each path.
     pub edges: Vec<Stream>,
-    /// Of each level whether points move, or the directions in which they are seen turn.
+    /// For each level and lane, whether the point moves or the direction in which it is seen turns.
     pub moves: Vec<Vec<bool>>,
 }
 

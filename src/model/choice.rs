@@ -1,38 +1,38 @@
-//! Many decisions by one random number.
+//! Many decisions from one random number.
 
 use super::V3;
 use super::integers::{hashed, product};
 use crate::cube::*;
 
-/// A uniform number in [0, 1) that decides several times: what is left of it after a decision is uniform again.
+/// A uniform number in [0, 1) for several decisions: its remainder after a decision is uniform again.
 ///
-/// Each decision takes bits of it. While it has many, later decisions are as evenly spread as the number was; once
-/// [`LEAST`] of its range is left, a hash takes its place. So its bits never run out, and an error of rounding of
-/// a chance grows no further than by 1 / [`LEAST`].
+/// Each decision consumes bits of the number. While many bits are left, later decisions are as evenly spread as the
+/// number was. Once less than [`LEAST`] of its range is left, a hash replaces the number. So the bits never run out,
+/// and a rounding error of a probability grows by at most 1 / [`LEAST`].
 #[apply(record!)]
 pub(crate) struct Uniform {
     pub number: f32,
-    /// The share of the range of a random number that decisions have left of it.
+    /// The fraction of the number's range that is left after earlier decisions.
     left: f32,
-    /// Of the hash.
+    /// State of the hash.
     key: u32,
 }
 
-/// A decision, and the number that the next is made by.
+/// A decision, and the number for the next decision.
 #[apply(record!)]
 pub(crate) struct Decision {
     pub happens: bool,
     pub rest: Uniform,
 }
 
-/// The share of a number's range that is used up, at most.
+/// The fraction of a number's range below which a hash replaces the number.
 const LEAST: f32 = 1.0 / 256.0;
 pub(crate) const MOST: f32 = 1.0 - f32::EPSILON;
-/// The bits of an infinite number.
+/// The bits of infinity.
 pub(crate) const INFINITY: u32 = 0x7f80_0000;
 
-/// Whether a sum of weights is above 0 and finite: by its bits, since compilers of shaders may assume that all numbers
-/// are finite.
+/// Returns whether a sum of weights is above 0 and finite. It tests the bits, since shader compilers may assume that
+/// all floats are finite.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn is_positive(x: f32) -> bool {
@@ -40,7 +40,7 @@ pub(crate) fn is_positive(x: f32) -> bool {
     bits > 0 && bits < INFINITY
 }
 
-/// The number u; a second one, independent of it, tells hashes of samples with the same u apart.
+/// Makes the number u. `other`, an independent number, distinguishes the hashes of samples with the same u.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn decided_by(u: f32, other: f32) -> Uniform {
@@ -53,7 +53,7 @@ pub(crate) fn decided_by(u: f32, other: f32) -> Uniform {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Uniform {
-    /// Decides whether something happens that has a probability.
+    /// Decides whether an event with probability `chance` happens.
     #[inline(always)]
     pub fn decide(self, chance: f32) -> Decision {
         let happens = self.number < chance;
@@ -65,13 +65,13 @@ impl Uniform {
         }
     }
 
-    /// What is left of it once it is known to lie in a part of its range.
+    /// Returns the remainder of the number, given that it lies in a part of its range.
     #[inline(always)]
     pub fn within(self, from: f32, share: f32) -> Self {
         let mut number = ((self.number - from) / share.max(1e-30)).min(MOST);
         let mut left = self.left * share;
         let mut key = self.key;
-        // A branch, as decisions follow each other and few take it.
+        // A branch, since decisions follow each other and few take it.
         if left < LEAST {
             key = hashed(key);
             number = (key >> 8) as f32 * (1.0f32 / 16_777_216.0f32);
@@ -81,7 +81,7 @@ impl Uniform {
     }
 }
 
-/// The probability with which a path of a throughput goes on (Russian roulette).
+/// Returns the survival probability of a path for its throughput (Russian roulette).
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn survival(throughput: V3) -> f32 {
@@ -92,8 +92,8 @@ pub(crate) fn survival(throughput: V3) -> f32 {
 mod tests {
     use super::*;
 
-    /// Of 250 things with chances of their own each is drawn as often as its chance says, though a number of
-    /// 24 bits does not hold so many decisions.
+    /// Each of 250 items is drawn as often as its probability requires, though a 24-bit number has too few bits for
+    /// so many decisions.
     #[test]
     fn many_decisions_by_one_number() {
         let weights: Vec<f32> = (0..250).map(|i| 1.0 + (i % 7) as f32).collect();
@@ -114,7 +114,7 @@ mod tests {
             }
             drawn[taken] += 1;
         }
-        // Pearson's statistic has the mean 249 and the deviation 22.
+        // Pearson's statistic has mean 249 and standard deviation 22.
         let pairs = drawn.iter().zip(&weights);
         let square = |(&d, w): (&u32, &f32)| {
             let wanted = f64::from(w / total) * f64::from(n);
@@ -124,7 +124,7 @@ mod tests {
         assert!(statistic < 249.0 + 4.0 * 22.0, "{statistic}");
     }
 
-    /// The first decisions are as evenly spread as the numbers are.
+    /// The first decisions are as evenly spread as the numbers.
     #[test]
     fn first_decisions_are_stratified() {
         let mut drawn = [0; 16];

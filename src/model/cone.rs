@@ -1,4 +1,4 @@
-//! Rays of a cone about an axis, and where rays start and end.
+//! Rays of a cone about an axis, and the start and end of rays.
 
 use std::f32::consts::PI;
 
@@ -7,10 +7,10 @@ use super::frame::{SinCos, frame};
 use super::{V3, splat};
 use crate::cube::*;
 
-/// A ray of a cone, and how it follows from the axis.
+/// A ray of a cone, and its relation to the axis.
 #[apply(zeroed!)]
 pub(crate) struct Bend {
-    /// The vector that was added to the axis, across it.
+    /// The vector that was added to the axis, perpendicular to it.
     pub offset: V3,
     /// Whether the ray was mirrored at the surface that it leaves.
     pub mirrored: bool,
@@ -18,8 +18,8 @@ pub(crate) struct Bend {
     pub direction: V3,
 }
 
-/// A direction of the cone of a half-angle (given by its tangent) about a unit axis: the axis plus an
-/// offset across it, not yet of unit length.
+/// Returns the offset, perpendicular to a unit axis, of a direction of the cone about it. `tangent` is the tangent of
+/// the half-angle; axis plus offset is not yet of unit length.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn cone_offset(axis: V3, tangent: f32, u: f32, v: f32) -> V3 {
@@ -28,7 +28,7 @@ fn cone_offset(axis: V3, tangent: f32, u: f32, v: f32) -> V3 {
     (f.tangent * p.x + f.bitangent * p.y) * tangent
 }
 
-/// A ray of a cone, on the outer side of the surface with a normal that it leaves.
+/// Samples a ray of a cone, and mirrors it to the outer side of the surface that it leaves.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn bend(axis: V3, normal: V3, tangent: f32, u: f32, v: f32) -> Bend {
@@ -49,8 +49,8 @@ pub(crate) fn bend(axis: V3, normal: V3, tangent: f32, u: f32, v: f32) -> Bend {
     }
 }
 
-/// The density per solid angle with which an axis' rays have the direction of a vector, as rays about the vector's have
-/// that of the axis. `tangent` is more than 0.
+/// Returns the solid-angle density with which rays about `axis` have the direction `to`. It equals the density with
+/// which rays about `to` have the direction `axis`. `tangent` must be more than 0.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn cone_density(axis: V3, to: V3, tangent: f32) -> f32 {
@@ -65,7 +65,7 @@ pub(crate) fn cone_density(axis: V3, to: V3, tangent: f32) -> f32 {
     density
 }
 
-/// Turns derivatives by a ray of a cone into those by the cone's axis; the offset across it stays as it is.
+/// Turns derivatives with respect to a ray of a cone into those with respect to the cone's axis, at a fixed offset.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn bend_backward(bend: &Bend, axis: V3, normal: V3, g: V3, by_normal: &mut V3) -> V3 {
@@ -85,8 +85,7 @@ pub(crate) fn bend_backward(bend: &Bend, axis: V3, normal: V3, g: V3, by_normal:
     by_axis
 }
 
-/// Cosine and sine of the half-angle of a cone, less wide than 180°, that is widened by an angle given by
-/// its tangent.
+/// Returns cosine and sine of the half-angle of a cone, less than 180°, widened by an angle given by its tangent.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn widened(half: SinCos, tangent: f32) -> SinCos {
@@ -97,23 +96,23 @@ pub(crate) fn widened(half: SinCos, tangent: f32) -> SinCos {
     }
 }
 
-/// Rays leave a surface this much above it, over the largest coordinate: what points are rounded by.
+/// Rays start this far above a surface, relative to the largest coordinate: the rounding error of points.
 const LIFT: f32 = 1e-6;
-/// Shadow rays end this much before the light's plane, over the largest coordinate.
+/// Shadow rays end this far before the light's plane, relative to the largest coordinate.
 const END: f32 = 2e-6;
 
-/// Rays whose cosine with a plane's normal is greater do not come to it.
+/// Rays whose cosine with a plane's normal is greater do not reach the plane.
 const GRAZING: f32 = -1e-6;
 
-/// The start of rays that leave a surface point on the side of a normal.
+/// Returns the start of rays that leave a surface point on the side of a normal.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn lifted(position: V3, normal: V3) -> V3 {
     position + normal * (LIFT * (0.1 + position.abs().max_element()))
 }
 
-/// The distance after which a ray comes to the plane of a light through a point, but for rounding; not positive where
-/// it starts behind that plane, as one that passes into glass does in the plane of its own surface.
+/// Returns the distance at which a ray reaches the plane through a light, less a margin for rounding. It is not
+/// positive if the ray starts behind that plane, as a ray that enters glass does for the plane of its own surface.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn up_to_plane(start: V3, direction: V3, normal: V3, light: V3) -> f32 {
@@ -151,8 +150,8 @@ mod tests {
         }
     }
 
-    /// Densities of rays add up to 1, and are those of the rays that are drawn: the mean of one over it is the solid
-    /// angle of the cone, the kernel's end left out.
+    /// Densities of rays integrate to 1 and match the sampled rays: the mean of 1/density is the solid angle of the
+    /// cone, without the end of the kernel.
     #[test]
     fn densities_of_rays() {
         let (axis, tangent) = (v3(0.36, 0.48, 0.8), 0.7f32);
@@ -181,13 +180,13 @@ mod tests {
         );
     }
 
-    /// The derivative of a ray, mirrored or not, by its axis and by the normal, at a fixed offset.
+    /// The derivative of a ray, mirrored or not, with respect to the axis and the normal, at a fixed offset.
     #[test]
     fn derivatives_of_bent_rays() {
         let normal = v3(0.1, 0.2, 1.0).normalize();
         let g = v3(0.3, -0.7, 0.5);
         let mut mirrored = 0;
-        // From 1: without an offset a ray is its axis, which stays of unit length.
+        // From 1: without an offset the ray is its axis, which stays of unit length.
         for i in 1..16 {
             let axis = v3(0.9, -0.3, 0.02 * i as f32).normalize();
             let (u, v) = ((0.618 * i as f32).fract(), (0.37 * i as f32).fract());

@@ -1,4 +1,4 @@
-//! Connections of surface points to lights: rays to them, the light that these bring, and the way back.
+//! Connections of surface points to lights: shadow rays, the light they carry, and the backward pass.
 
 use super::bsdf::{Shading, ShadingGradient};
 use super::cone::{bend, lifted, up_to_plane};
@@ -6,26 +6,26 @@ use super::emitter::{LightPoint, power_heuristic};
 use super::{V3, splat};
 use crate::cube::*;
 
-/// What a point is connected to: a point of an emitter, a delta light, or a direction of a map.
+/// The end of a connection: a point of an emitter, a delta light, or a direction of an environment map.
 #[apply(record!)]
 pub(crate) struct Target {
-    /// The unit vector to it.
+    /// The unit vector to the target.
     pub direction: V3,
-    /// A place of it, and the normal of the plane in which rays to it end.
+    /// A point of the target, and the normal of the plane in which rays to it end.
     pub place: V3,
     pub normal: V3,
-    /// Whether it is far away from everything.
+    /// Whether the target is infinitely far away.
     pub distant: bool,
     /// Radiance, or the strength of a delta light.
     pub radiance: V3,
-    /// What radiance is multiplied by where all of it arrives: a solid angle, the scale of a delta light, or 1;
-    /// 0 where nothing arrives.
+    /// The factor of radiance if all of it arrives: a solid angle, the scale of a delta light, or 1. It is 0 where
+    /// nothing arrives.
     pub angle: f32,
-    /// Whether directions that the surface scatters find it too.
+    /// Whether BSDF sampling reaches the target too, so that MIS applies.
     pub combined: bool,
 }
 
-/// The kernel of a ray's cone: the tangent of its half-angle, and random numbers.
+/// Blur of a ray by its cone: the tangent of the half-angle, and random numbers.
 #[apply(zeroed!)]
 pub(crate) struct ConeKernel {
     pub tangent: f32,
@@ -33,8 +33,8 @@ pub(crate) struct ConeKernel {
     pub v: f32,
 }
 
-/// A ray to a light, which brings `reflected` times `scale` of its radiance if nothing is in between. Its limit is not
-/// positive if there is none.
+/// A shadow ray to a light, which contributes `reflected` times `scale` times the light's radiance if no occluder is
+/// in between. `limit` is not positive if there is no connection.
 #[apply(record!)]
 pub(crate) struct Connection {
     pub start: V3,
@@ -43,18 +43,18 @@ pub(crate) struct Connection {
     /// f·cos θ at the surface, and the divisor of the sample.
     pub reflected: V3,
     pub density: f32,
-    /// The angle over that.
+    /// The target's angle over the divisor.
     pub scale: f32,
 }
 
-/// Light that was seen: f·cos θ at the surface, and the divisor of the sample.
+/// Light that arrived: f·cos θ at the surface, and the divisor of the sample.
 #[apply(zeroed!)]
 pub(crate) struct Arrived {
     pub reflected: V3,
     pub density: f32,
 }
 
-/// None, of a point.
+/// Returns the absence of a connection, for a surface point.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn no_connection(position: V3) -> Connection {
@@ -70,7 +70,7 @@ pub(crate) fn no_connection(position: V3) -> Connection {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Target {
-    /// Nothing.
+    /// Returns a target from which nothing arrives.
     #[inline(always)]
     pub fn none() -> Target {
         let zero = splat(0.0f32.runtime());
@@ -85,7 +85,7 @@ impl Target {
         }
     }
 
-    /// A direction of a map; without its radiance.
+    /// Returns a direction of an environment map as a target, without its radiance.
     #[inline(always)]
     pub fn of_map(direction: V3) -> Target {
         let mut target = Target::none();
@@ -95,7 +95,8 @@ impl Target {
         target
     }
 
-    /// A point of an emitter, of which all points are seen alike; without its radiance.
+    /// Returns a point of an emitter as a target, without its radiance. All points of the emitter are taken as seen
+    /// alike.
     #[inline(always)]
     pub fn of_emitter(seen: &LightPoint, place: V3, normal: V3, area: f32) -> Target {
         Target {
@@ -109,13 +110,13 @@ impl Target {
         }
     }
 
-    /// The cosine of the direction to it to its normal, where it has one.
+    /// Returns the cosine between the direction from the target and its normal, if it has one.
     #[inline(always)]
     pub fn facing(&self) -> f32 {
         -self.normal.dot(self.direction)
     }
 
-    /// The distance at which a ray about the direction to it ends.
+    /// Returns the distance at which a ray about the direction to the target ends.
     #[inline(always)]
     pub fn limit(&self, start: V3, direction: V3) -> f32 {
         let mut limit = f32::MAX.runtime();
@@ -125,7 +126,7 @@ impl Target {
         limit
     }
 
-    /// The divisor of a sample that was drawn with a density, or found by scattering.
+    /// Returns the divisor of a sample that was drawn with density `chance`, or found by BSDF sampling.
     #[inline(always)]
     pub fn divisor(&self, shading: &Shading, chance: f32, by_scattering: bool) -> f32 {
         let mut density = chance;
@@ -136,7 +137,8 @@ impl Target {
         density
     }
 
-    /// The connection of a surface point to it, which was drawn with a density, or found by scattering.
+    /// Returns the connection of a surface point to the target, which was sampled with density `chance` or found by
+    /// BSDF sampling.
     #[inline(always)]
     pub fn connect(
         &self,
@@ -162,7 +164,8 @@ impl Target {
         found
     }
 
-    /// Back over light that arrived, times g: adds the derivatives by the shading.
+    /// Backward pass of arrived light times g: adds the derivatives with respect to the shading, and returns the
+    /// others.
     #[inline(always)]
     pub fn backward(
         &self,
@@ -185,7 +188,7 @@ impl Target {
     }
 }
 
-/// Derivatives by a connection: by the throughput of the path, by the direction to the target, and by its angle and
+/// Derivatives with respect to the path's throughput, the direction to the target, and the target's angle and
 /// radiance.
 #[apply(record!)]
 pub(crate) struct TargetGradient {

@@ -1,11 +1,11 @@
-//! Lines in which two triangles pass through each other.
+//! Intersection segments of two triangles.
 
 use super::V3;
 use super::edge::TOUCHING;
 use super::triangle::Triangle;
 use crate::cube::*;
 
-/// The largest coordinate of a triangle's corners.
+/// Returns the largest absolute coordinate of a triangle's corners.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn size(t: &Triangle) -> f32 {
@@ -13,20 +13,21 @@ fn size(t: &Triangle) -> f32 {
     a.max(t.b.abs().max_element()).max(t.c.abs().max_element())
 }
 
-/// A segment of a line, by the places of its ends along that.
+/// A segment of a line, with the coordinates of its ends along that line.
 #[apply(zeroed!)]
 struct Segment {
     from: f32,
     to: f32,
     start: V3,
     end: V3,
-    /// How many of them were found: two, or there is none.
+    /// Number of ends found: two if the segment exists.
     ends: u32,
 }
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Segment {
-    /// Passes a side of a triangle, whose ends are that far above a plane.
+    /// Processes one side of a triangle, whose ends p and q have the signed distances `above` and `below` from a
+    /// plane.
     #[inline(always)]
     fn pass(&mut self, p: V3, q: V3, above: f32, below: f32, along: V3) {
         let passes = (above > 0.0 && below <= 0.0) || (above <= 0.0 && below > 0.0);
@@ -45,7 +46,8 @@ impl Segment {
     }
 }
 
-/// The segment in which a triangle passes through the plane of another, if it does so by more than a tolerance.
+/// Returns the segment in which triangle `t` intersects the plane of triangle `of`, if it crosses by more than a
+/// tolerance.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn through_plane(t: &Triangle, of: &Triangle, along: V3, tolerance: f32) -> Segment {
@@ -71,7 +73,7 @@ fn through_plane(t: &Triangle, of: &Triangle, along: V3, tolerance: f32) -> Segm
     found
 }
 
-/// The ends of such a line.
+/// The ends of an intersection segment.
 #[apply(record!)]
 pub(crate) struct Line {
     pub a: V3,
@@ -79,7 +81,7 @@ pub(crate) struct Line {
     pub exists: bool,
 }
 
-/// The line in which two triangles pass through each other, if they do so by more than rounding.
+/// Returns the segment in which two triangles intersect, if they do so by more than rounding errors.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn line_of_crossing(t: &Triangle, s: &Triangle) -> Line {

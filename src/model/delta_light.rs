@@ -1,4 +1,4 @@
-//! Delta lights: points, spots and distant ones. Their light comes to a point from one direction.
+//! Delta lights: point, spot and directional lights, whose light reaches a point from a single direction.
 
 use glam::DVec3;
 
@@ -11,31 +11,32 @@ use crate::scene::{HostLight, LightKind, LightPart, SceneFrame};
 /// A delta light.
 #[apply(record!)]
 pub(crate) struct DeltaLight {
-    /// 0 of a directional one.
+    /// 0 for a directional light.
     pub position: V3,
-    /// The unit vector in which a spot or a directional light shines.
+    /// The unit vector in which a spot or directional light shines.
     pub axis: V3,
-    /// Intensity, or the irradiance of a directional light.
+    /// Intensity, or irradiance of a directional light.
     pub strength: V3,
-    /// The number of its [`LightKind`].
+    /// The integer value of its [`LightKind`].
     pub kind: u32,
     /// Cosines of the angles to the axis between which a spot's intensity falls off.
     pub cos_inner: f32,
     pub cos_outer: f32,
 }
 
-/// A light as a point sees it.
+/// A delta light as seen from a point.
 #[apply(record!)]
 pub(crate) struct DeltaArrival {
-    /// The unit vector to it.
+    /// The unit vector to the light.
     pub direction: V3,
-    /// The largest number for a directional one.
+    /// A huge number for a directional light.
     pub distance: f32,
-    /// Irradiance of a surface that faces it, over its strength.
+    /// Irradiance of a surface facing the light, over the light's strength.
     pub scale: f32,
 }
 
-/// Derivatives by a light, but for its strength. That by the point that sees it is less that by its position.
+/// Derivatives with respect to a light, except for its strength. The derivative with respect to the point that sees
+/// it is −`position`.
 #[apply(record!)]
 pub(crate) struct DeltaGradient {
     pub position: V3,
@@ -44,13 +45,13 @@ pub(crate) struct DeltaGradient {
     pub cos_outer: f32,
 }
 
-/// The least difference of the cosines between which a spot falls off.
+/// Minimum difference of the cosines between which a spot falls off.
 const NARROW: f32 = 1e-3;
 
 const SPOT: u32 = LightKind::Spot as u32;
 const DIRECTIONAL: u32 = LightKind::Directional as u32;
 
-/// A light of a list, of its numbers in the order of its fields, and of the list of kinds.
+/// Reads light `i` from a list of floats, in the order of the fields, and a list of kinds.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn delta_light_at(numbers: &[f32], kinds: &[u32], i: u32) -> DeltaLight {
@@ -67,7 +68,7 @@ pub(crate) fn delta_light_at(numbers: &[f32], kinds: &[u32], i: u32) -> DeltaLig
 }
 
 impl DeltaLight {
-    /// Its numbers in a list, in the order of its fields.
+    /// Returns the light's floats in a list, in the order of the fields.
     pub fn numbers(&self) -> [f32; 11] {
         let mut numbers = [0.0; 11];
         let vectors = [self.position, self.axis, self.strength].map(V3::to_array);
@@ -76,11 +77,12 @@ impl DeltaLight {
         numbers
     }
 
-    /// The derivative by a parameter that a user set, from those by its numbers in a list; for scene units in an inner one
-    /// and the length of the direction as it was given.
+    /// Returns the derivative with respect to a parameter set by the user, from the derivatives with respect to the
+    /// light's floats. `unit` is the number of scene units in an internal unit, and `length` the length of the
+    /// direction as given.
     pub fn by_part(&self, by: [f64; 11], part: LightPart, unit: f64, length: f64) -> [f64; 3] {
         let [position, axis, strength] = [0, 3, 6].map(|k| DVec3::from_slice(&by[k..]));
-        // The derivative of a cosine by its angle.
+        // The derivative of a cosine with respect to its angle.
         let slope = |cosine: f32| -(1.0 - f64::from(cosine).powi(2)).max(0.0).sqrt();
         match part {
             LightPart::Position => (position / unit).to_array(),
@@ -95,17 +97,18 @@ impl DeltaLight {
         }
     }
 
-    /// The mean of its strength's channels.
+    /// Returns the mean absolute value of its strength's channels.
     pub fn mean(&self) -> f32 {
         self.strength.abs().element_sum() / 3.0
     }
 
-    /// About its power over π in a scene of a size, which for a triangle is area times radiance.
+    /// Returns its approximate power over π in a scene of extent `size`. For a triangle, that quantity is area times
+    /// radiance.
     pub fn power(&self, size: f64) -> f64 {
         let per_strength = if self.is_directional() {
             size * size
         } else if self.kind == SPOT {
-            // Of the solid angle about half-way between both angles.
+            // From the solid angle of a cone about halfway between both angles.
             2.0 - f64::from(self.cos_inner + self.cos_outer)
         } else {
             4.0
@@ -113,12 +116,12 @@ impl DeltaLight {
         f64::from(self.mean()) * per_strength
     }
 
-    /// Whether it shines the same in all directions.
+    /// Returns whether it shines equally in all directions.
     pub fn is_isotropic(&self) -> bool {
         self.kind == LightKind::Point as u32
     }
 
-    /// Packs a light, in inner coordinates.
+    /// Converts a light of the scene to internal coordinates.
     pub fn new(light: &HostLight, frame: &SceneFrame) -> Self {
         let [inner, outer] = light.angles;
         let mut packed = Self {
@@ -144,14 +147,15 @@ impl DeltaLight {
         self.kind == DIRECTIONAL
     }
 
-    /// The place between the outer angle (0) and the inner one (1) of a direction from the light.
+    /// Returns the position, 0 … 1, between the outer and the inner angle for the cosine of a direction from the
+    /// light.
     #[inline(always)]
     fn within(&self, cosine: f32) -> f32 {
         let width = (self.cos_inner - self.cos_outer).max(NARROW);
         ((cosine - self.cos_outer) / width).max(0.0).min(1.0)
     }
 
-    /// As a point sees it.
+    /// Returns the light as seen from a point.
     #[inline(always)]
     pub fn seen_from(&self, x: V3) -> DeltaArrival {
         let mut direction = -self.axis;
@@ -175,7 +179,7 @@ impl DeltaLight {
         }
     }
 
-    /// What a point is connected to.
+    /// Returns the target of a connection to the light.
     #[inline(always)]
     pub fn target(&self, seen: &DeltaArrival) -> Target {
         Target {
@@ -189,7 +193,8 @@ impl DeltaLight {
         }
     }
 
-    /// Turns derivatives by the scale and the direction of what a point sees into those by the light.
+    /// Turns derivatives with respect to the scale and the direction of an arrival into those with respect to the
+    /// light.
     #[inline(always)]
     pub fn backward(&self, seen: &DeltaArrival, by_scale: f32, by_direction: V3) -> DeltaGradient {
         let mut by = DeltaGradient {
@@ -242,8 +247,8 @@ mod tests {
         }
     }
 
-    /// All of the light of a spot, by rings about its axis, is that of its falloff in closed form:
-    /// 2π ((1 − cos inner) + (cos inner − cos outer)/3).
+    /// The total light of a spot, summed over rings about its axis, matches the closed form of its falloff: it is 2π
+    /// ((1 − cos inner) + (cos inner − cos outer)/3).
     #[test]
     fn the_power_of_a_spot() {
         let light = DeltaLight {
@@ -273,7 +278,7 @@ mod tests {
             kind: DIRECTIONAL,
             ..point
         };
-        // Inside of the falloff, and where all of the intensity is there.
+        // Inside the falloff, and inside the inner cone.
         let places = [v3(0.7, -0.3, 0.4), v3(0.4, 0.1, 0.0)];
         for (light, x) in
             [(spot(), 0), (spot(), 1), (point, 0), (distant, 0)].map(|(l, i)| (l, places[i]))

@@ -1,30 +1,30 @@
-//! The part that an edge has in the derivative of an image: where it moves, one side gives way to the other.
+//! Boundary terms: the contribution of moving edges to the derivative of an image.
 //!
-//! An integral of f over directions, or over the film, has the derivative ∫ ∂f plus, along each edge
-//! across which f jumps, ∫ (f⁻ − f⁺) v·n dl: v how fast the edge's image moves, n its normal from the side
-//! of f⁻ to that of f⁺ (Reynolds). dl is that of the
-//! edge's parameter λ ∈ [0, 1] here, so that n·dl is a vector linear in the edge.
+//! The derivative of an integral of f over directions, or over the film, is ∫ ∂f plus, along each edge across which f
+//! jumps, ∫ (f⁻ − f⁺) v·n dl (Reynolds). Here v is the velocity of the edge's image, and n its normal from the side
+//! of f⁻ to the side of f⁺. dl is that of the edge's parameter λ ∈ [0, 1], so n·dl is a vector linear in the edge.
 
 use super::bsdf::Shading;
 use super::cone::Bend;
 use super::{V2, V3, select_vector, v2};
 use crate::cube::*;
 
-/// An edge seen from a point, beside an axis ω of a blurred direction.
+/// An edge seen from a point, relative to an axis ω of a blurred direction.
 #[apply(zeroed!)]
 pub(crate) struct DirectionEdge {
-    /// n·dl/dλ in the plane across ω: the + side lies towards it.
+    /// n·dl/dλ in the plane perpendicular to ω; it points to the + side.
     pub across: V3,
-    /// Derivative of v·n dl/dλ by the edge's point (and less it, by the point it is seen from).
+    /// Derivative of v·n dl/dλ with respect to the edge's point; negated, with respect to the point that sees it.
     pub by_point: V3,
-    /// Derivative of the same by the axis ω.
+    /// Derivative of v·n dl/dλ with respect to the axis ω.
     pub by_axis: V3,
 }
 
-/// The boundary term of ∫ dω f(ω) ∫ K(q) V(ω + κq) dq, V jumping at an edge, with the roles of ω and q
-/// exchanged: the edge's point P is seen along u = r/|r|, and ω is drawn about u with the density that
-/// K(q) has about ω. What is left of the densities is cos³ of the angle between them. `r` is P − x,
-/// `edge` dP/dλ. Both offsets across ω are held in its frame. With ω = u there is no blur.
+/// Returns the boundary term of ∫ dω f(ω) ∫ K(q) V(ω + κq) dq, where V jumps at an edge.
+///
+/// The roles of ω and q are exchanged: the edge's point P is seen along u = r/|r|, and ω is sampled about u with the
+/// density that K(q) has about ω. The ratio of the densities is cos³ of the angle between u and ω. `r` is P − x, and
+/// `edge` is dP/dλ. Offsets perpendicular to ω are constant in its frame. If ω = u there is no blur.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn direction_edge(r: V3, edge: V3, axis: V3) -> DirectionEdge {
@@ -41,11 +41,11 @@ pub(crate) fn direction_edge(r: V3, edge: V3, axis: V3) -> DirectionEdge {
     }
 }
 
-/// The motion of an edge's image across an axis, about which rays were bent, perhaps mirrored at a surface.
+/// The motion of an edge's image across an axis, about which rays were bent and possibly mirrored at a surface.
 #[apply(record!)]
 pub(crate) struct DirectionJump {
     pub edge: DirectionEdge,
-    /// The direction towards the + side, at the edge itself.
+    /// The direction to the + side, at the edge itself.
     pub side: V3,
     mirrored: bool,
 }
@@ -56,11 +56,12 @@ pub(crate) fn mirrored(v: V3, normal: V3) -> V3 {
     v - normal * (2.0 * v.dot(normal))
 }
 
-/// The jump at an edge's point r from the one that sees it, on a surface with a normal.
+/// Returns the motion of the image of an edge's point at `r` from the surface point that sees it; `normal` is the
+/// surface normal.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn direction_jump(r: V3, along: V3, bend: &Bend, normal: V3) -> DirectionJump {
-    // A mirrored axis sees the edge's mirror image.
+    // A mirrored axis sees the mirror image of the edge.
     let image = select_vector(bend.mirrored, mirrored(r, normal), r);
     let image_along = select_vector(bend.mirrored, mirrored(along, normal), along);
     let edge = direction_edge(image, image_along, bend.direction);
@@ -74,7 +75,8 @@ pub(crate) fn direction_jump(r: V3, along: V3, bend: &Bend, normal: V3) -> Direc
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl DirectionJump {
-    /// The derivative by r, times a jump; adds that by the normal.
+    /// Returns the derivative with respect to r, times a jump `scale`; adds the derivative with respect to the
+    /// normal.
     #[inline(always)]
     pub fn by_point(&self, r: V3, normal: V3, scale: f32, by_normal: &mut V3) -> V3 {
         let mut by_r = self.edge.by_point * scale;
@@ -87,12 +89,12 @@ impl DirectionJump {
     }
 }
 
-/// A triangle's half-plane at an edge: the side of the edge's image on which it is seen, and how fast its
-/// depth grows from there.
+/// Returns how a triangle's half-plane at an edge is seen: the side of the edge's image on which it lies, and how
+/// fast its depth grows from there.
 ///
-/// `inward` points from the edge into the triangle, in its plane; `view` is the direction in which the
-/// edge's point is seen, `side` points across the edge's image. Returns (on which side the half lies, > 0
-/// towards `side`; the depth that it gains along `view` for each unit of that).
+/// `inward` points from the edge into the triangle, in its plane. `view` is the direction in which the edge's point
+/// is seen. `side` points across the edge's image. Of the result, x is > 0 if the half-plane lies toward `side`, and
+/// y is the depth gained along `view` per unit of |x|.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn half_plane(inward: V3, edge: V3, view: V3, side: V3) -> V2 {
@@ -102,11 +104,12 @@ pub(crate) fn half_plane(inward: V3, edge: V3, view: V3, side: V3) -> V2 {
     v2(lateral, g.dot(view) / lateral.abs())
 }
 
-/// What is this near to a plane, over the largest coordinate, touches it: about what places are rounded by.
+/// Points closer to a plane than this, times the largest coordinate, touch it: about the rounding error of positions.
 pub(crate) const TOUCHING: f32 = 4e-6;
 
-/// Whether a place, `to` from a point of a surface, is above its plane, on the side on which rays that go there leave. In
-/// that plane surfaces are seen edge on, and rays of a cone are mirrored at it: nothing jumps there.
+/// Returns whether a point `place`, at the vector `to` from a surface point, lies above the surface plane, on the
+/// side on which rays to it leave. In that plane surfaces are seen edge-on and rays of a cone are mirrored, so
+/// nothing jumps there.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn is_above(shading: &Shading, to: V3, place: V3) -> bool {
@@ -118,14 +121,14 @@ mod tests {
     use super::*;
     use crate::model::{frame::frame, v3};
 
-    /// The swept area in the plane of the disk q, (P − x) ∝ ω + κq, against its derivative by hand.
+    /// The area swept in the plane of the disk q, (P − x) ∝ ω + κq, against its numerical derivative.
     #[test]
     fn swept_area() {
         let axis = v3(0.1, 0.2, 1.0).normalize();
         let x = v3(0.3, -0.2, 0.1);
         let (a, b) = (v3(0.5, 0.2, 2.4), v3(0.9, 0.8, 2.9));
         let (w, v) = (frame(axis).tangent, frame(axis).bitangent);
-        // The frame stays where it is while the axis moves.
+        // The frame is constant while the axis moves.
         let q = |p: V3, x: V3, axis: V3| {
             let r = p - x;
             // r = s (ω + q₁ w + q₂ v): Cramer's rule.
@@ -161,7 +164,7 @@ mod tests {
 
     #[test]
     fn halves_of_a_ridge() {
-        // A roof seen from above: one half to each side, both falling away.
+        // A roof seen from above: one half on each side, both falling away.
         let (edge, view) = (v3(0.0, 0.0, 1.0), v3(0.0, -1.0, 0.0));
         let side = v3(1.0, 0.0, 0.0);
         let right = half_plane(v3(1.0, -0.5, 0.3), edge, view, side);

@@ -1,10 +1,9 @@
-//! Estimates of what edges and trees over them contribute, as a point sees them: jump times angle over distance times
-//! lobe.
+//! Importance of edges, and of nodes of trees over edges, for a point that sees them: jump × angle / distance × lobe.
 
 use super::V3;
 use crate::cube::*;
 
-/// A search for an edge: a point, a cone of directions seen from it, and a purpose.
+/// A query for an edge: a point, a cone of directions from it, and a purpose.
 #[apply(record!)]
 pub(crate) struct Query {
     pub x: V3,
@@ -13,42 +12,42 @@ pub(crate) struct Query {
     /// Cosine and sine of the half-angle of the cone, at most 90°.
     pub cos: f32,
     pub sin: f32,
-    /// Contributions grow about as cosⁿ of the angle to the axis.
+    /// Contributions are roughly proportional to cosⁿ of the angle to the axis.
     pub exponent: f32,
-    /// Whether only edges count at which jumps whether light passes.
+    /// Whether only edges at which visibility jumps count.
     pub shadows: bool,
 }
 
-/// The most that may jump at edges, by what makes it jump; of one edge between 0 and 1.
+/// Upper bounds of jumps at edges by their cause, between 0 and 1 for one edge.
 #[apply(zeroed!)]
 pub(crate) struct Jumps {
-    /// Colours that always jump, and jumps of whether light passes.
+    /// Jumps of color, and jumps of visibility, that do not depend on where the edge is seen from.
     pub seen_always: f32,
     pub passes_always: f32,
-    /// Jumps of folds that are silhouettes.
+    /// Jumps at folds that are silhouettes.
     pub fold: f32,
     /// Jumps where both faces of a fold are seen.
     pub crease: f32,
-    /// 1 where all folds are of closed objects.
+    /// 1 if all folds belong to closed objects.
     pub closed: f32,
 }
 
-/// Bounds of a subtree.
+/// Bounds of the edges in a subtree.
 #[apply(record!)]
 pub(crate) struct Subtree {
     pub centre: V3,
     pub radius: f32,
-    /// A cone of the normals of folds.
+    /// A cone of the face normals at folds.
     pub axis: V3,
     pub cos: f32,
     pub sin: f32,
     pub jumps: Jumps,
 }
 
-/// An edge as a point sees it.
+/// An edge as seen from a point.
 #[apply(record!)]
 pub(crate) struct SeenEdge {
-    /// The vector to its middle, and half its length.
+    /// The vector to its midpoint, and half its length.
     pub to: V3,
     pub half: f32,
     /// The vector along it.
@@ -59,26 +58,27 @@ pub(crate) struct SeenEdge {
     pub jumps: Jumps,
 }
 
-/// An estimate of what a subtree contributes, 0 only if it can't, and whether it is to be entered: it lies in the
-/// query's cone in part, or is near.
+/// The estimated contribution of a subtree, 0 only if it contributes nothing, and whether a traversal enters it: it
+/// lies partly in the query's cone, or is near.
 #[apply(record!)]
 pub(crate) struct Estimate {
     pub weight: f32,
     pub enter: bool,
 }
 
-/// Lengths that are divided by are at least this.
+/// Lower bound of lengths that are divided by.
 const TINY: f32 = 1e-30;
 
-/// Kinds of edges: of a fold one face may be seen from the front and one from behind, at a border something always jumps,
-/// and at a crossing colours alone.
+/// Kinds of edges. A fold may show one face from the front and one from behind. At a border something always jumps.
+/// At a crossing of two triangles only color jumps.
 pub(crate) const FOLD: u32 = 0;
 pub(crate) const BORDER: u32 = 1;
 pub(crate) const CROSSING: u32 = 2;
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Jumps {
-    /// Of an edge of a kind, by how much colours may jump where both of its faces are seen, and whether its object is closed.
+    /// Returns the jumps of an edge of a kind. `crease` bounds the jump of color where both faces are seen, and
+    /// `closed` is true for an edge of a closed object.
     #[inline(always)]
     pub fn of_kind(kind: u32, crease: f32, closed: bool) -> Jumps {
         let fold = kind == FOLD;
@@ -91,7 +91,7 @@ impl Jumps {
         }
     }
 
-    /// The jumps that are there wherever the edge is seen from.
+    /// Returns the jumps that do not depend on where the edge is seen from.
     #[inline(always)]
     fn always(&self, q: &Query) -> f32 {
         let mut always = self.seen_always;
@@ -101,7 +101,7 @@ impl Jumps {
         always
     }
 
-    /// Jumps where both faces are seen.
+    /// Returns the jump where both faces are seen.
     #[inline(always)]
     fn of_crease(&self, q: &Query) -> f32 {
         let mut crease = self.crease;
@@ -114,7 +114,7 @@ impl Jumps {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Query {
-    /// About cosⁿ of the angle to the axis.
+    /// Returns approximately cosⁿ of the angle to the axis.
     #[inline(always)]
     fn lobe(&self, cosine: f32) -> f32 {
         let mut value = 1.0f32;
@@ -128,7 +128,7 @@ impl Query {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Subtree {
-    /// Its estimate; subtrees that are seen under an angle whose sine is over `large` are to be entered.
+    /// Returns its estimate. A traversal enters subtrees that are seen under an angle whose sine is at least `large`.
     #[inline(always)]
     pub fn estimate(&self, q: &Query, large: f32) -> Estimate {
         let r = self.centre - q.x;
@@ -144,7 +144,7 @@ impl Subtree {
         let sin_sum = self.sin * cos_seen + self.cos * sin_seen;
         let cos_sum = self.cos * cos_seen - self.sin * sin_seen;
         let facing = self.axis.dot(r) / distance.max(1e-20);
-        // Where normals and directions spread over more than a half-space anything is possible.
+        // If normals and directions spread over more than a half-space, no case can be excluded.
         let narrow = cos_sum > 0.0 && distance >= radius;
         let mut fold = self.jumps.fold / (sin_sum.abs() + 0.05);
         if narrow && sin_sum < facing.abs() {
@@ -169,24 +169,25 @@ impl Subtree {
     }
 }
 
-/// How an edge lies to a point and the axis of a query.
+/// The geometry of an edge relative to the point and axis of a query.
 #[apply(record!)]
 struct Span {
-    /// The vector along the edge times that to it, and its length: that of the edge times the distance from its line.
+    /// The cross product of the vector along the edge and the vector to it, and its length: the edge's length times
+    /// the distance from its line.
     c: V3,
     swept: f32,
-    /// The distance from the edge, and the angle under which it is seen, about.
+    /// The approximate distance from the edge, and the approximate angle under which it is seen.
     near: f32,
     angle: f32,
-    /// The heights of the middle over the plane across the axis, and of one end over the middle.
+    /// Height of the midpoint above the plane perpendicular to the axis, and height of one end above the midpoint.
     along: f32,
     rise: f32,
 }
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl SeenEdge {
-    /// An estimate of what it contributes, by how much jumps at it; 0 only if it can't, in the cone of a query that is
-    /// narrower than a half-space.
+    /// Returns the estimated contribution for a jump at the edge, 0 only if there is none, in the cone of a query
+    /// that is narrower than a half-space.
     #[inline(always)]
     pub fn weight_in_cone(&self, jump: f32, q: &Query) -> f32 {
         let mut weight = 0.0f32;
@@ -196,7 +197,7 @@ impl SeenEdge {
         weight
     }
 
-    /// The same in a half-space.
+    /// [`SeenEdge::weight_in_cone`] for a query over a half-space.
     #[inline(always)]
     pub fn weight_over_horizon(&self, jump: f32, q: &Query) -> f32 {
         let mut weight = 0.0f32;
@@ -206,16 +207,16 @@ impl SeenEdge {
         weight
     }
 
-    /// A length that is not less than the distance to any point of it.
+    /// Returns an upper bound of the distance to any point of the edge.
     #[inline(always)]
     fn away(&self) -> f32 {
         self.to.abs().element_sum() + self.half
     }
 
-    /// The most that may jump at it.
+    /// Returns an upper bound of the jump at the edge.
     #[inline(always)]
     pub fn jump(&self, q: &Query) -> f32 {
-        // The point's height over both faces.
+        // The point's heights above both faces.
         let front = -self.front.dot(self.to);
         let back = -self.back.dot(self.to);
         let mut jump = self.jumps.of_crease(q);
@@ -225,7 +226,7 @@ impl SeenEdge {
         if front * back < 0.0 {
             jump = self.jumps.fold;
         }
-        // Edges of a plane that the point lies in are seen from the side alone.
+        // If the point lies in the plane of a face, it sees that face edge-on.
         if front.abs().min(back.abs()) < self.away() * 1e-6 {
             jump = 0.0f32;
         }
@@ -250,7 +251,7 @@ impl SeenEdge {
         }
     }
 
-    /// Angle over distance times lobe, of the part of it in the query's cone.
+    /// Returns angle over distance times lobe, for the part of the edge in the query's cone.
     #[inline(always)]
     fn in_cone(&self, q: &Query) -> f32 {
         let s = self.span(q);
@@ -260,7 +261,8 @@ impl SeenEdge {
         let far_b = b.length() + TINY;
         let cos_a = (s.along - s.rise) / far_a;
         let cos_b = (s.along + s.rise) / far_b;
-        // The sine of the angle between the axis and the plane of the edge, and whether the axis lies between its ends.
+        // The sine of the angle between the axis and the plane of the edge, and whether the axis lies outside of the
+        // edge's ends.
         let sine = q.axis.dot(s.c) / (s.swept + TINY);
         let outside = a.cross(q.axis).dot(s.c) > 0.0 || q.axis.cross(b).dot(s.c) > 0.0;
         let by_ends = cos_a.max(cos_b);
@@ -283,7 +285,7 @@ impl SeenEdge {
         weight
     }
 
-    /// Angle over distance, times about cos θ where the query has a lobe, of an edge over the horizon.
+    /// Returns angle over distance for an edge above the horizon, times approximately cos θ if the query has a lobe.
     #[inline(always)]
     fn over_horizon(&self, q: &Query) -> f32 {
         let s = self.span(q);

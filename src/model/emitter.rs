@@ -1,21 +1,21 @@
-//! Light of emitters: what arrives from a point of one, and two sampling strategies combined.
+//! Light from area emitters: front hits, geometry terms, and MIS of two strategies.
 
 use super::triangle::weights_at;
 use super::{V2, V3, v2};
 use crate::cube::*;
 
-/// Rays that are more parallel to an emitter than this don't meet it.
+/// Rays closer to parallel with an emitter than this cosine do not hit it.
 const GRAZING: f32 = 1e-6;
 
-/// The point of an emitter's front that a ray hits, as if nothing were in between: its distance, not positive if there
-/// is none, and the weights of the corners b and c.
+/// The point at which a ray hits the front of an emitter, regardless of occluders: its distance, not positive if
+/// there is no hit, and the barycentric weights of corners b and c.
 #[apply(record!)]
 pub(crate) struct FrontHit {
     pub distance: f32,
     pub weights: V2,
 }
 
-/// Where a ray from x hits the front of a triangle.
+/// Intersects a ray from x with the front of a triangle.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn hit_front(
@@ -45,10 +45,10 @@ pub(crate) fn hit_front(
     found
 }
 
-/// A point of an emitter as a surface point sees it.
+/// A point of an emitter as seen from a surface point.
 #[apply(record!)]
 pub(crate) struct LightPoint {
-    /// The unit vector from the surface point to it.
+    /// The unit vector from the surface point to the emitter's point.
     pub direction: V3,
     pub distance: f32,
     squared: f32,
@@ -56,7 +56,8 @@ pub(crate) struct LightPoint {
     pub facing: f32,
 }
 
-/// Derivatives by a point of an emitter, less those by the point that sees it; by its normal and area.
+/// Derivatives with respect to a point of an emitter, its normal and its area. The derivative with respect to the
+/// point that sees it is −`position`.
 #[apply(record!)]
 pub(crate) struct LightGradient {
     pub position: V3,
@@ -66,7 +67,7 @@ pub(crate) struct LightGradient {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl LightPoint {
-    /// For the vector to it and the normal of its front.
+    /// Makes the point from the vector to it and the normal of the emitter's front.
     #[inline(always)]
     pub fn new(to: V3, normal: V3) -> LightPoint {
         let squared = to.length_squared().max(1e-37);
@@ -80,13 +81,13 @@ impl LightPoint {
         }
     }
 
-    /// cos θ·area/r²: the solid angle of an area whose points are all seen like this one.
+    /// Returns cos θ·area/r²: the solid angle of an area all of whose points are seen like this one.
     #[inline(always)]
     pub fn solid_angle(&self, area: f32) -> f32 {
         self.facing / self.squared * area
     }
 
-    /// From derivatives by the solid angle and the direction.
+    /// Turns derivatives with respect to the solid angle and the direction into those with respect to the emitter.
     #[inline(always)]
     pub fn backward(
         &self,
@@ -97,7 +98,7 @@ impl LightPoint {
     ) -> LightGradient {
         let by_facing = by_angle * area / self.squared;
         let towards = by_direction - normal * by_facing;
-        // The length that the direction was divided by, and r².
+        // The normalization of the direction, and r².
         let mut by_to = towards.reject_from_normalized(self.direction);
         by_to -= self.direction * (2.0 * by_facing * self.facing);
         LightGradient {
@@ -108,8 +109,8 @@ impl LightPoint {
     }
 }
 
-/// The divisor of a sample where two strategies with densities a and b are combined: w₁ = p₁²/(p₁² + p₂²)
-/// makes it (p₁² + p₂²)/p₁ (the power heuristic, Veach and Guibas 1995).
+/// Returns the divisor of a sample if two strategies with densities a and b are combined by the power heuristic
+/// (Veach and Guibas 1995): the weight w₁ = p₁²/(p₁² + p₂²) makes the divisor (p₁² + p₂²)/p₁.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn power_heuristic(a: f32, b: f32, is_b: bool) -> f32 {
@@ -126,7 +127,7 @@ mod tests {
     use crate::model::triangle::{at, solid_angle, uniform_point};
     use crate::model::v3;
 
-    /// The weights of both strategies, density over divisor, add up to 1.
+    /// The weights of both strategies, density over divisor, sum to 1.
     #[test]
     fn weights_of_both_strategies() {
         for (a, b) in [(0.3, 0.7), (2.0, 0.0), (1e-3, 5.0)] {
@@ -137,7 +138,7 @@ mod tests {
 
     const CORNERS: [V3; 3] = [v3(0.2, -0.3, 1.2), v3(0.4, 1.1, 1.5), v3(1.3, -0.2, 2.1)];
 
-    /// Points of an emitter have the density 1/area: the mean of what each stands for is the angle of all.
+    /// Points of an emitter have the density 1/area: the mean of their solid angles is that of the triangle.
     #[test]
     fn solid_angle_by_sampled_points() {
         let [a, b, c] = CORNERS;

@@ -1,26 +1,30 @@
-//! Edges on the film: how many are drawn, which, and what pixels count for.
+//! Edge sampling on the film: number of samples, drawing of edge pieces, and importance of pixels.
 
 use super::jumps::FEW_SAMPLES;
 use super::lists::first_over;
 use super::segment::OnSegment;
 use crate::cube::*;
 
-/// Pixels of a side of a cell, about which edges are drawn as much as the loss depends on its pixels.
+/// Side length in pixels of a cell. Edges in a cell are drawn in proportion to how much the loss depends on the
+/// pixels there.
 pub(crate) const CELL: u32 = 8;
-/// What those of its neighbours count for, beside its own.
+/// Weight of the pixels of neighboring cells, relative to a cell's own.
 pub(crate) const NEIGHBOURS: f32 = 0.1;
 
-/// Pieces of edges whose weights are added up together.
+/// Number of edge pieces whose weights are summed as one block.
 pub(crate) const BLOCK: u32 = 128;
 
-/// The most samples of edges that a film is given.
+/// Maximum number of edge samples on a film.
 pub(crate) const MOST: u32 = 1_000_000_000;
 
-/// Samples of edges on the film for so many pixels that a loss depends on, and samples of each: one for two paths, for four
-/// where a pixel has few ([`FEW_SAMPLES`]), and a thousand, which take no time, where paths are few.
+/// Returns the number of edge samples on the film for `pixels` pixels that a loss depends on, with `samples` samples
+/// each.
+///
+/// This is one sample for two paths, or for four if a pixel has few ([`FEW_SAMPLES`]). It is at least 1024 samples,
+/// or eight per path if that is less; so few samples take no noticeable time.
 #[cfg_attr(feature = "wgpu", cube)]
 pub(crate) fn samples_of_film(pixels: u32, samples: u32) -> u32 {
-    // The product would not fit otherwise.
+    // The product would overflow otherwise.
     if pixels as f32 * samples as f32 <= 4.0e9 {
         let paths = pixels * samples;
         let few = (8 * paths.min(1024)).min(1024);
@@ -31,7 +35,7 @@ pub(crate) fn samples_of_film(pixels: u32, samples: u32) -> u32 {
     }
 }
 
-/// A piece of an edge that was drawn, and its share of the sum of all weights.
+/// A drawn edge piece, and its weight as part of the sum of all weights.
 #[apply(record!)]
 pub(crate) struct DrawnPiece {
     pub piece: u32,
@@ -40,7 +44,8 @@ pub(crate) struct DrawnPiece {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl DrawnPiece {
-    /// A point of it for a uniform number, from one λ of the edge to another, of the sum of all weights.
+    /// Samples a point uniformly on the piece, which extends over λ in [from, to] of its edge. `total` is the sum of
+    /// all weights.
     #[inline(always)]
     pub fn point(&self, from: f32, to: f32, total: f32, u: f32) -> OnSegment {
         let length = to - from;
@@ -51,8 +56,10 @@ impl DrawnPiece {
     }
 }
 
-/// The piece that a part of the sum of all weights comes to, of `count` pieces. The sums of their weights up to each,
-/// within blocks, lie a stride apart from `first` on, sums up to each block from `first_block` on.
+/// Returns the piece at which the running sum of weights exceeds `part`, among `count` pieces.
+///
+/// The running sums within blocks are stored `stride` apart from `first` on, the running sums over blocks from
+/// `first_block` on.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn draw_piece(

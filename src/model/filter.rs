@@ -1,4 +1,4 @@
-//! The kernels that blur: of the film and of cones.
+//! Blur kernels: the pixel filter of the film, and the kernel of ray cones.
 
 use std::sync::Arc;
 
@@ -6,18 +6,18 @@ use super::frame::sin_cos_of_turns;
 use super::{V2, v2};
 use crate::cube::*;
 
-/// A point of the unit disk with density 3/π·(1 − r²)², the kernel of a ray's cone.
+/// Samples the unit disk with density 3/π·(1 − r²)², the kernel of a ray cone.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn disk_kernel(u: f32, v: f32) -> V2 {
-    // The share within r is 1 − (1 − r²)³.
+    // The cumulative distribution in r is 1 − (1 − r²)³.
     let rest = cube_root((1.0 - u).max(0.0));
     let r = (1.0 - rest).max(0.0).sqrt();
     let turn = sin_cos_of_turns(v);
     v2(r * turn.cos, r * turn.sin)
 }
 
-/// A pair of numbers as a point of the unit disk.
+/// Maps a pair of uniform numbers to a uniformly distributed point of the unit disk.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn uniform_disk(u: f32, v: f32) -> V2 {
@@ -25,8 +25,7 @@ pub(crate) fn uniform_disk(u: f32, v: f32) -> V2 {
     v2(u.sqrt() * turn.cos, u.sqrt() * turn.sin)
 }
 
-/// The cube root of a number that is not negative: a first guess from its bits, and two steps of Halley's
-/// method.
+/// Returns the cube root of a non-negative number: an initial guess from its bits, then two steps of Halley's method.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn cube_root(x: f32) -> f32 {
@@ -41,11 +40,11 @@ fn cube_root(x: f32) -> f32 {
     y * (x / least)
 }
 
-/// A number in [−1, 1] with density 15/16·(1 − x²)², the kernel of the film along each axis.
+/// Samples [−1, 1] with density 15/16·(1 − x²)², the kernel of the pixel filter along each axis.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn film_kernel(u: f32) -> f32 {
-    // Newton's method for y = 1 − |x| with y³ (20 − 15 y + 3 y²)/16 = min(u, 1 − u), in the cube root of
+    // Newton's method for y = 1 − |x| with y³ (20 − 15 y + 3 y²)/16 = min(u, 1 − u). It solves for the cube root of
     // both sides, which is nearly linear.
     let upper = u > 0.5;
     let half = select(upper, 1.0 - u, u);
@@ -62,13 +61,14 @@ pub(crate) fn film_kernel(u: f32) -> f32 {
     select(upper, 1.0 - y, y - 1.0)
 }
 
-/// The filter of a pixel along one axis: a box of one pixel, smoothed by [`film_kernel`] of a radius in
-/// pixels. Its inverse cumulative distribution is tabulated, for one half, over the fourth root of the
-/// number: the filter ends like a fourth power, so that its tail is as exact as its middle.
+/// The pixel filter along one axis: a box of one pixel convolved with [`film_kernel`] scaled to a radius in pixels.
+///
+/// The inverse cumulative distribution is tabulated for one half, over the fourth root of the uniform number. The
+/// cumulative distribution ends like a fourth power, so the tail is as accurate as the middle.
 #[derive(Debug)]
 pub(crate) struct PixelFilter {
     radius: f64,
-    /// Whether the radius is that of a cone, which changes with the field of view.
+    /// Whether the radius is that of a ray cone, which changes with the field of view.
     is_cone: bool,
     pub table: Vec<f32>,
 }
@@ -98,7 +98,7 @@ impl PixelFilter {
         }
     }
 
-    /// The filter of a cone that is `cone` pixels wide, with a radius of at least `least` pixels.
+    /// Returns the filter for a ray cone of `cone` pixels, with a radius of at least `least` pixels.
     pub fn of_cone(least: f64, cone: f64) -> Self {
         Self {
             is_cone: cone > least,
@@ -106,35 +106,35 @@ impl PixelFilter {
         }
     }
 
-    /// The radius in pixels where it changes with the field of view, else 0.
+    /// Returns the radius in pixels if it changes with the field of view, otherwise 0.
     pub fn cone_radius(&self) -> f32 {
         if self.is_cone { self.radius() } else { 0.0 }
     }
 
-    /// The derivative of a point of the filter by the radius, times the radius, in pixels.
+    /// Returns the derivative of a filter point with respect to the radius, times the radius, in pixels.
     pub fn spread(&self, x: f32) -> f64 {
         let radius = self.radius();
         f64::from(radius * filter_by_radius(x, radius))
     }
 
-    /// The radius of the kernel that smooths the box, in pixels.
+    /// Returns the radius in pixels of the kernel that the box is convolved with.
     pub fn radius(&self) -> f32 {
         self.radius as f32
     }
 
-    /// A point of the filter about the middle of a pixel, in pixels, for a uniform number.
+    /// Samples an offset from the pixel center, in pixels, for a uniform number.
     #[inline(always)]
     pub fn sample(&self, u: f32) -> f32 {
         sample_filter(&self.table, 0, u)
     }
 }
 
-/// The filters of views, which share those that are the same.
+/// The pixel filters of all views; views with equal filters share one.
 #[derive(Default)]
 pub(crate) struct Filters(Vec<Arc<PixelFilter>>);
 
 impl Filters {
-    /// [`PixelFilter::of_cone`].
+    /// Returns [`PixelFilter::of_cone`], or an equal filter that exists already.
     pub fn of_cone(&mut self, least: f64, cone: f64) -> Arc<PixelFilter> {
         let same =
             |f: &&Arc<PixelFilter>| f.radius == least.max(cone) && f.is_cone == (cone > least);
@@ -146,7 +146,7 @@ impl Filters {
     }
 }
 
-/// [`PixelFilter::sample`] from its table, which begins at some place of a list.
+/// [`PixelFilter::sample`] with a table that starts at index `table` of a list.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn sample_filter(list: &[f32], table: usize, u: f32) -> f32 {
@@ -154,21 +154,21 @@ pub(crate) fn sample_filter(list: &[f32], table: usize, u: f32) -> f32 {
     filter_between(filter_entries(list, table, place), place, u)
 }
 
-/// The place of a number in the filter's table.
+/// Returns the fractional index into the filter's table for a uniform number.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn filter_place(u: f32) -> f32 {
     (2.0 * u.min(1.0 - u)).sqrt().sqrt() * ENTRIES as f32
 }
 
-/// The entry before a place of the table.
+/// Returns the index of the table entry before a fractional index.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn entry_before(place: f32) -> f32 {
     place.floor().min((ENTRIES - 1) as f32)
 }
 
-/// The entries about a place of the table, which begins at some place of a list.
+/// Returns the two entries around a fractional index into the table, which starts at index `table` of a list.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn filter_entries(list: &[f32], table: usize, place: f32) -> V2 {
@@ -177,7 +177,7 @@ pub(crate) fn filter_entries(list: &[f32], table: usize, place: f32) -> V2 {
     v2(list[i], after)
 }
 
-/// The point of the filter between the entries about its place, on the half that a number is of.
+/// Interpolates between two table entries; `u` selects the half, and with it the sign.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn filter_between(entries: V2, place: f32, u: f32) -> f32 {
@@ -185,9 +185,11 @@ pub(crate) fn filter_between(entries: V2, place: f32, u: f32) -> f32 {
     select(u > 0.5, -x, x)
 }
 
-/// The derivative of a point of the filter by the filter's radius r, at a fixed random number. The point is the sum of one
-/// of the box and r κ with κ from [`film_kernel`], so that this is the mean of κ among the sums that are this point:
-/// over κ in [(x − ½)/r, (x + ½)/r], by a quadrature that is exact for the kernel's polynomials.
+/// Returns the derivative of a filter point with respect to the filter radius r, at a fixed random number.
+///
+/// The point is the sum of a point of the box and r κ, with κ from [`film_kernel`]. So the derivative is the mean of
+/// κ over all such sums that equal this point, that is over κ in [(x − ½)/r, (x + ½)/r]. The quadrature is exact for
+/// the polynomials of the kernel.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn filter_by_radius(x: f32, radius: f32) -> f32 {
@@ -211,13 +213,13 @@ pub(crate) fn filter_by_radius(x: f32, radius: f32) -> f32 {
     mean
 }
 
-/// The share of a pixel's filter that lies below a point x ≤ 0.
+/// Returns the fraction of the pixel filter that lies below a point x ≤ 0.
 fn share_below(x: f64, radius: f64) -> f64 {
     if radius <= 0.0 {
         return (x + 0.5).clamp(0.0, 1.0);
     }
-    // The integral of the kernel's cumulative distribution from −1 on: with y = x + 1, 5/8 y³ − 15/16 y⁴/4…
-    // in powers of y, which do not cancel near the end.
+    // The integral from −1 of the kernel's cumulative distribution. With y = x + 1 that distribution is 5/4 y³ −
+    // 15/16 y⁴ + 3/16 y⁵. Powers of y do not cancel near the end.
     let integral = |x: f64| {
         let y = x + 1.0;
         if y <= 0.0 {
@@ -245,7 +247,7 @@ mod tests {
         }
     }
 
-    /// Moments of the kernels against closed forms.
+    /// The moments of the kernels match closed forms.
     #[test]
     fn kernels_have_their_moments() {
         let n = 1 << 14;
@@ -277,7 +279,7 @@ mod tests {
                 "{radius}: {found} {wanted}"
             );
             assert!((filter.sample(0.3) + filter.sample(0.7)).abs() < 1e-6);
-            // The tail is that of the box smoothed by the kernel.
+            // The tail matches the convolved box.
             for u in [1e-5f32, 1e-3, 0.1, 0.4] {
                 let below = share_below(filter.sample(u).into(), radius);
                 assert!(
@@ -285,7 +287,7 @@ mod tests {
                     "{radius} {u}: {below}"
                 );
             }
-            // Its derivative by the radius, beside central differences.
+            // Its derivative with respect to the radius against central differences.
             let h = 1e-3;
             let wider = PixelFilter::new(radius + h);
             let narrower = PixelFilter::new((radius - h).max(0.0));

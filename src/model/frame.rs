@@ -1,18 +1,18 @@
-//! Directions about an axis.
+//! Local frames of directions, and trigonometric functions.
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, SQRT_2, TAU};
 
 use super::{V3, v3};
 use crate::cube::*;
 
-/// Two unit vectors across a unit axis, and across each other (Duff et al. 2017).
+/// Two unit vectors perpendicular to a unit axis and to each other (Duff et al. 2017).
 #[apply(record!)]
 pub(crate) struct Frame {
     pub tangent: V3,
     pub bitangent: V3,
 }
 
-/// 1 with the sign of a number; −0 counts as 0, as everywhere else.
+/// Returns 1 with the sign of a number; −0 counts as 0, as everywhere else.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn sign_of(z: f32) -> f32 {
@@ -31,7 +31,7 @@ pub(crate) fn frame(axis: V3) -> Frame {
     }
 }
 
-/// A local direction, turned so that z lies along a unit axis.
+/// Rotates a local direction so that z lies along a unit axis.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn from_local(axis: V3, local: V3) -> V3 {
@@ -39,7 +39,7 @@ pub(crate) fn from_local(axis: V3, local: V3) -> V3 {
     f.tangent * local.x + f.bitangent * local.y + axis * local.z
 }
 
-/// A direction in the frame of a unit axis.
+/// Returns the local coordinates of a direction in the frame of a unit axis.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn to_local(axis: V3, direction: V3) -> V3 {
@@ -51,7 +51,7 @@ pub(crate) fn to_local(axis: V3, direction: V3) -> V3 {
     )
 }
 
-/// Derivatives by axis and local direction.
+/// Derivatives with respect to the axis and the local direction.
 #[apply(record!)]
 pub(crate) struct FromLocalGradient {
     pub axis: V3,
@@ -96,17 +96,17 @@ const COS_6: f32 = -1.0 / 720.0;
 const COS_8: f32 = 1.0 / 40320.0;
 const COS_10: f32 = -1.0 / 3_628_800.0;
 
-/// Sine and cosine of a number of turns in [0, 1].
+/// Returns sine and cosine of a number of turns in [0, 1].
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn sin_cos_of_turns(v: f32) -> SinCos {
-    // Of the nearest quarter turn, and series for the at most 45° that are left, to rounding.
+    // Reduce to the nearest quarter turn; series for the remaining angle of at most 45° are exact to rounding.
     let quarter = (4.0 * v + 0.5).floor();
     let x = (v - 0.25 * quarter) * TAU;
     let y = x * x;
     let sin = x * (1.0 + y * (SIN_3 + y * (SIN_5 + y * (SIN_7 + y * SIN_9))));
     let cos = 1.0 + y * (COS_2 + y * (COS_4 + y * (COS_6 + y * (COS_8 + y * COS_10))));
-    // By bits: jumps would be guessed wrong as often as not.
+    // Bit operations: branches would be mispredicted half of the time.
     let quarter = quarter as i32;
     let odd = (-(quarter & 1)) as u32;
     let changed = (sin.to_bits() ^ cos.to_bits()) & odd;
@@ -120,7 +120,7 @@ pub(crate) fn sin_cos_of_turns(v: f32) -> SinCos {
     }
 }
 
-/// The angle of a tangent, to rounding (Cephes).
+/// Returns the arctangent, accurate to rounding (Cephes).
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn arc_tangent(tangent: f32) -> f32 {
@@ -140,7 +140,7 @@ pub(crate) fn arc_tangent(tangent: f32) -> f32 {
     angle
 }
 
-/// The angle from the x axis to a point (x, y), in (−π, π]; 0 at the origin.
+/// Returns the angle from the x axis to a point (x, y), in (−π, π]; 0 at the origin.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn arc_tangent_of(y: f32, x: f32) -> f32 {
@@ -153,7 +153,7 @@ pub(crate) fn arc_tangent_of(y: f32, x: f32) -> f32 {
     angle
 }
 
-/// The tangents of one and three eighths of 180°.
+/// Tangents of one and three eighths of 180°.
 const TAN_1: f32 = SQRT_2 - 1.0;
 const TAN_3: f32 = SQRT_2 + 1.0;
 const ATAN_3: f32 = -0.333_329_5;
@@ -214,7 +214,7 @@ mod tests {
             } = from_local_backward(axis, local, g);
             let along = v3(0.4, -0.7, 0.2);
             let step = 1e-2;
-            // The formula holds off the unit sphere as well.
+            // The formula also holds off the unit sphere.
             let f = |h: f32| g.dot(from_local(axis + along * h, local));
             let wanted = (f(step) - f(-step)) / (2.0 * step);
             let got = by_axis.dot(along);

@@ -1,9 +1,9 @@
-//! Whole numbers that wrap, in Rust and in kernels of GPUs: of 32 bits, and of 64 bits as two words, since few GPUs have
-//! more; and hashes of them.
+//! Wrapping integer arithmetic and hashes, on the host and in GPU kernels. 64-bit integers are two 32-bit words,
+//! since few GPUs support wider ones.
 
 use crate::cube::*;
 
-/// An operation modulo 2³², on the host and in a kernel.
+/// Defines an operation modulo 2³² for the host and for kernels.
 macro_rules! modulo {
     ($name:ident, $on_host:ident, $in_kernel:ident) => {
         #[inline(always)]
@@ -26,7 +26,7 @@ macro_rules! modulo {
 modulo!(product, wrapping_mul, __expand_mul_method);
 modulo!(total, wrapping_add, __expand_add_method);
 
-/// A permutation of the numbers of 32 bits of which each bit depends on all others (lowbias32, Wellons 2018).
+/// Hashes 32 bits by a permutation in which each output bit depends on all input bits (lowbias32, Wellons 2018).
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn hashed(x: u32) -> u32 {
@@ -35,7 +35,7 @@ pub(crate) fn hashed(x: u32) -> u32 {
     b ^ (b >> 16)
 }
 
-/// A number of 64 bits.
+/// A 64-bit integer as two words.
 #[apply(record!)]
 #[derive(PartialEq)]
 pub(crate) struct Wide {
@@ -43,7 +43,7 @@ pub(crate) struct Wide {
     pub high: u32,
 }
 
-/// Of two words.
+/// Makes a [`Wide`] from two words.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn wide(low: u32, high: u32) -> Wide {
@@ -71,7 +71,7 @@ impl Wide {
         wide(self.low ^ o.low, self.high ^ o.high)
     }
 
-    /// Shifted right by less than 32.
+    /// Returns the number shifted right by less than 32 bits.
     #[inline(always)]
     pub fn shifted(self, by: u32) -> Wide {
         let mut low = self.low;
@@ -82,7 +82,7 @@ impl Wide {
     }
 }
 
-/// The finaliser of SplitMix64 (Steele et al. 2014), applied after an odd offset.
+/// The finalizer of SplitMix64 (Steele et al. 2014), applied after adding an odd offset.
 #[inline(always)]
 pub(crate) fn mix(x: u64) -> u64 {
     let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -91,13 +91,13 @@ pub(crate) fn mix(x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-/// [`mix`] of two words.
+/// [`mix`] of a number of two words.
 #[inline(always)]
 pub(crate) fn mixed(x: Wide) -> Wide {
     mix(x.into()).into()
 }
 
-/// In a kernel, by words.
+/// The same in a kernel, in 32-bit words.
 #[cfg(feature = "wgpu")]
 pub(crate) mod mixed {
     use super::*;
@@ -135,7 +135,7 @@ pub(crate) mod mixed {
         wide(product(a.low, b.low), total(upper(a.low, b.low), crossed))
     }
 
-    /// The upper half of a·b, from halves of the words.
+    /// Returns the upper 32 bits of a·b, computed from 16-bit halves.
     #[cube]
     fn upper(a: u32, b: u32) -> u32 {
         let a_low = a & 0xffff;
@@ -148,7 +148,7 @@ pub(crate) mod mixed {
     }
 }
 
-/// The bits of x and y in turn: the place of a point along a Z-order curve.
+/// Interleaves the bits of x and y: the Morton code, which is the position of a point on a Z-order curve.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn morton(x: u32, y: u32) -> Wide {
@@ -158,7 +158,7 @@ pub(crate) fn morton(x: u32, y: u32) -> Wide {
     )
 }
 
-/// The bits of a number below 2¹⁶ with zeros in between.
+/// Inserts a zero before each bit of a number below 2¹⁶.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn spread(v: u32) -> u32 {

@@ -1,4 +1,4 @@
-//! Where a point of a path looks for edges, and the two sides of one.
+//! Edge searches from points of a path, and the two sides of an edge.
 
 use super::bsdf::{Lobe, Shading};
 use super::cone::widened;
@@ -8,34 +8,34 @@ use super::frame::SinCos;
 use super::{V2, V3, select_vector};
 use crate::cube::*;
 
-/// Points count at least for this share of an average camera ray.
+/// Minimum importance of a point, relative to an average camera ray.
 const LEAST: f32 = 0.05;
-/// How many searches a point that counts as much as a camera ray does on average makes for edges of the lights' shadows,
-/// and of reflected light, which takes two more paths.
+/// Mean number of searches by a point as important as an average camera ray: for edges of the lights' shadows, and
+/// for edges in reflected light, which takes two more paths.
 const OF_SHADOWS: f32 = 0.5;
 const OF_REFLECTED: f32 = 0.25;
-/// Up to so many samples a pixel (log₂) a point makes half as many, and the film has half as many samples: many steps of a
-/// fit with few paths each gain more from time than from quiet gradients.
+/// Up to this log₂ of samples per pixel, the number of searches and the number of film samples are halved. An
+/// optimization with many steps of few paths each gains more from speed than from low gradient variance.
 pub(crate) const FEW_SAMPLES: u32 = 2;
-/// The most searches of a point for either.
+/// Maximum number of searches by a point, for shadows and for reflected light each.
 const MOST_SEARCHES: f32 = 8.0;
-/// Sets of random numbers from one search of a point to the next.
+/// Number of sets of random numbers between one search of a point and the next.
 pub(crate) const SEARCH_SETS: u32 = 192;
-/// Points beside an edge are this far from it, over the largest coordinate.
+/// Distance from an edge of points beside it, relative to the largest coordinate.
 const BESIDE: f32 = 2e-5;
 /// No triangle.
 const NOTHING: u32 = u32::MAX;
 
-/// What a point counts for: the sum of the channels of the derivative that it carries, over the typical one of a camera
-/// ray.
+/// Returns the importance of a point: the channel sum of the derivative that it carries, over the typical one of a
+/// camera ray.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn counts_of(carried: V3, typical: f32) -> f32 {
     carried.abs().element_sum() / typical
 }
 
-/// How many searches a point that counts as much as a camera ray does on average makes, where a pixel has so many samples
-/// (log₂) and nothing better is known.
+/// Returns the default mean number of searches by a point as important as an average camera ray, for log₂ of the
+/// samples per pixel.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn usual_searches(of_light: bool, samples_log: u32) -> f32 {
@@ -43,22 +43,23 @@ pub(crate) fn usual_searches(of_light: bool, samples_log: u32) -> f32 {
     select(samples_log <= FEW_SAMPLES, rate * 0.5, rate)
 }
 
-/// The mean number of searches of a point, by that of one which counts as much as a camera ray does on average.
+/// Returns the mean number of searches by a point of importance `counts`. `usual` is the mean number for an average
+/// camera ray.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn mean_searches(usual: f32, counts: f32) -> f32 {
     usual * counts.max(LEAST)
 }
 
-/// The most searches of a point that makes so many on average.
+/// Returns the maximum number of searches by a point with this mean number.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn most_searches(mean: f32) -> u32 {
     mean.min(MOST_SEARCHES).ceil() as u32
 }
 
-/// The search in the cone that a group of emitters fills, widened by that of the rays; in the hemisphere if it is
-/// wider. `to` is the vector to the middle of the group.
+/// Returns the query in the cone of a group of emitters, widened by the cone of rays, or over the hemisphere if that
+/// cone is wider. `to` is the vector to the center of the group.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn towards_group(
@@ -90,7 +91,7 @@ pub(crate) fn towards_group(
     query
 }
 
-/// The search in the cone of rays about the direction to a delta light.
+/// Returns the query in the cone of rays about the direction to a delta light.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn towards_light(x: V3, time: f32, axis: V3, tangent: f32) -> Query {
@@ -106,19 +107,19 @@ pub(crate) fn towards_light(x: V3, time: f32, axis: V3, tangent: f32) -> Query {
     }
 }
 
-/// A search for an edge that a lobe reflects.
+/// A search for an edge in the light that a lobe reflects.
 #[apply(record!)]
 pub(crate) struct LobeSearch {
     pub query: Query,
     pub lobe: Lobe,
     pub of_gloss: bool,
-    /// The probability of the lobe and of its part.
+    /// Probability of the lobe and of its part.
     pub chance: f32,
-    /// A uniform number for the kernel of the cone.
+    /// A uniform number for the blur of the cone.
     pub cone_u: f32,
 }
 
-/// The search by a uniform number, which chooses the lobe, one of its parts, and is uniform again.
+/// Returns the search for a uniform number, which chooses the lobe and its part; the remainder is uniform again.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn of_lobe(
@@ -154,26 +155,26 @@ pub(crate) fn of_lobe(
     }
 }
 
-/// The faces of an edge that are seen on its two sides, or [`NOTHING`] where one sees past it.
+/// The faces of an edge that are seen on its two sides, [`NOTHING`] on a side without a face.
 #[apply(record!)]
 pub(crate) struct Sides {
     pub minus: u32,
     pub plus: u32,
-    /// Points from the − side to the + side, at a right angle to the edge and to the direction in which it is seen.
+    /// Direction from the − side to the + side, perpendicular to the edge and to the direction in which it is seen.
     pub across: V3,
-    /// The direction of a ray that passes the edge's point right beside it, on the side where nothing is, if there is one.
+    /// Direction of a ray that passes closely beside the edge's point, on the side without a face, if there is one.
     pub past: V3,
-    /// The least depths of faces so far.
+    /// The least depth slopes of faces so far.
     least_minus: f32,
     least_plus: f32,
 }
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Sides {
-    /// Those of an edge without faces, the second towards `side`.
+    /// Returns the sides of an edge without faces; the + side lies toward `side`.
     #[inline(always)]
     pub fn new(along: V3, view: V3, side: V3) -> Sides {
-        // Across the plane of the edge and the view, so that lateral places are comparable.
+        // Perpendicular to the plane of the edge and the view, so that lateral positions are comparable.
         let across = along.cross(view);
         let across = select_vector(across.dot(side) < 0.0, -across, across);
         Sides {
@@ -186,7 +187,7 @@ impl Sides {
         }
     }
 
-    /// Adds a face, which a vector from the edge points into.
+    /// Adds a face that extends from the edge along `inward`.
     #[inline(always)]
     pub fn add(&mut self, face: u32, inward: V3, along: V3, view: V3) {
         let half: V2 = half_plane(inward, along, view, self.across);
@@ -199,7 +200,7 @@ impl Sides {
         self.minus = select(on_minus, face, self.minus);
     }
 
-    /// Says how rays pass the edge's point, when all faces are added. `to` is the vector to it.
+    /// Sets the ray that passes the edge's point, after all faces were added. `to` is the vector to the point.
     #[inline(always)]
     pub fn pass(&mut self, to: V3, position: V3) {
         let step = beside(position) / self.across.length();
@@ -209,15 +210,15 @@ impl Sides {
     }
 }
 
-/// How far a point beside an edge's point is from it.
+/// Returns the distance of a point beside an edge from the edge's point.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn beside(position: V3) -> f32 {
     BESIDE * (0.1 + position.abs().max_element())
 }
 
-/// A place beside an edge's point, in a face that a vector from there points into: so far inside that no ray from it meets
-/// the other faces of the edge by rounding.
+/// Returns a point beside an edge's point, in the face that `inward` points into. It is so far inside that no ray
+/// from it hits the other faces of the edge by rounding.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn inside(position: V3, inward: V3) -> V3 {
@@ -225,7 +226,7 @@ pub(crate) fn inside(position: V3, inward: V3) -> V3 {
     position + inward * step
 }
 
-/// The half of a face that lies on a side of a line in which it crosses another.
+/// Returns the direction of the half of a face that lies on a side of the line in which it crosses another face.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn half_beside(normal: V3, along: V3, across: V3) -> V3 {
@@ -233,7 +234,8 @@ pub(crate) fn half_beside(normal: V3, along: V3, across: V3) -> V3 {
     select_vector(half.dot(across) < 0.0, -half, half)
 }
 
-/// Of three vectors from a point of a line, to the corners of a face, the one that ends farthest from the line.
+/// Returns, of three vectors from a point of a line to the corners of a face, the vector that ends farthest from the
+/// line.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn farthest(a: V3, b: V3, c: V3, along: V3) -> V3 {
@@ -244,8 +246,8 @@ pub(crate) fn farthest(a: V3, b: V3, c: V3, along: V3) -> V3 {
     select_vector(far_a >= far_b && far_a >= far_c, a, other)
 }
 
-/// The derivative of g·P by how far a plane moves along its normal, where P is a point of the line in which it crosses
-/// another: n₁·dP and n₂·dP are those of the planes.
+/// Returns the derivative of g·P with respect to the motion of a plane along its normal. P is a point of the line in
+/// which the plane crosses another: n₁·dP and n₂·dP are the motions of the planes.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn by_crossing_plane(normal: V3, other: V3, g: V3) -> V3 {

@@ -1,9 +1,9 @@
-//! Estimates of the light that emitters bring to a point, by bounds of their place, orientation and power.
+//! Estimates of the light from groups of emitters at a point, by bounds of position, orientation and power.
 
 use super::V3;
 use crate::cube::*;
 
-/// How the axes n of emitters lie, weighted by power.
+/// Power-weighted moments of the axes n of emitters.
 #[apply(zeroed!)]
 pub(crate) struct Axes {
     /// Their mean a.
@@ -13,7 +13,7 @@ pub(crate) struct Axes {
     pub products: V3,
 }
 
-/// Some emitters: a sphere around them, their axes and power, which is 0 where there are none.
+/// A group of emitters: a bounding sphere, their axes, and their power, which is 0 for an empty group.
 #[apply(record!)]
 pub(crate) struct Sphere {
     pub centre: V3,
@@ -22,17 +22,17 @@ pub(crate) struct Sphere {
     pub power: f32,
 }
 
-/// How much directions to the points of a sphere that is seen under 90° add to a squared cosine: an emitter that is seen
-/// along its surface has then the mean of those around.
+/// What the spread of directions to a sphere seen under 90° adds to a squared cosine. An emitter seen along its
+/// surface then has the mean of those around it.
 const SPREAD: f32 = 0.25;
-/// Emitters around a point bring about as much light as from this share of their sphere's squared radius: a mean of 1/r²
-/// over a box is six times that at the corners.
+/// Emitters around a point contribute about as much light as from this fraction of their sphere's squared radius: the
+/// mean of 1/r² over a box is six times that at the corners.
 const INSIDE: f32 = 0.125;
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Axes {
-    /// About the mean of max(n·d, 0) = (n·d + |n·d|)/2, that is (a·d + √(dᵀM d))/2: nothing is under it. `spread` is what
-    /// directions differ by, squared.
+    /// Returns approximately the mean of max(n·d, 0) = (n·d + |n·d|)/2, as (a·d + √(dᵀM d))/2, which is never below
+    /// the mean. `spread` is the squared spread of the directions.
     #[inline(always)]
     pub fn facing(&self, d: V3, spread: f32) -> f32 {
         let squares = self.squares.dot(d.times(d));
@@ -45,7 +45,7 @@ impl Axes {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Sphere {
-    /// About the irradiance of a point with a normal by all of them.
+    /// Returns the approximate irradiance at a point with a normal due to the group.
     #[inline(always)]
     pub fn irradiance(&self, x: V3, normal: V3) -> f32 {
         let to = self.centre - x;
@@ -54,27 +54,27 @@ impl Sphere {
         // The sine of the angle under which the sphere is seen.
         let seen = (self.radius * inverse).min(1.0).max(1e-6);
         let emits = self.axes.facing(to * -inverse, SPREAD * seen * seen);
-        // The mean of cosines over the sphere, where the horizon divides it.
+        // The mean cosine over the sphere, if the horizon divides it.
         let incident = to.dot(normal) * inverse;
         let above = (incident + seen).max(0.0);
         let receives = select(incident < seen, above * above / (4.0 * seen), incident);
         self.power * emits * receives / squared.max(INSIDE * self.radius * self.radius)
     }
 
-    /// Whether a ray meets it.
+    /// Returns whether a ray intersects the sphere.
     #[inline(always)]
     pub fn is_met(&self, x: V3, direction: V3) -> bool {
         let to = self.centre - x;
         let along = to.dot(direction);
         let across = to - direction * along;
-        // With a margin for rounding far away.
+        // With a margin for rounding errors far away.
         let reach = along.abs() * 1e-6 + self.radius;
         self.power > 0.0 && across.length_squared() < reach * reach && along + reach > 0.0
     }
 }
 
 impl Axes {
-    /// Of axes with their shares of the power; none where light goes in all directions.
+    /// Sums axes weighted by their fractions of the power; an emitter without an axis shines in all directions.
     pub fn new(all: impl Iterator<Item = (Option<V3>, f32)>) -> Self {
         let mut this = Self::default();
         for (axis, share) in all {

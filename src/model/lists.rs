@@ -1,21 +1,22 @@
-//! Lists of numbers: vectors in them, and numbers that grow.
+//! Reading vectors from flat lists, and binary search in increasing values.
 
 use super::{V3, v3};
 #[cfg(feature = "wgpu")]
 use crate::cube::*;
 
-/// A vector of a list.
+/// Returns the vector stored at index `at` of a list.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn vector(list: &[f32], at: u32) -> V3 {
     let i = at as usize;
-    // The last number first: then the host checks one index.
+    // The last index first, so that the host checks bounds once.
     let z = list[i + 2];
     let y = list[i + 1];
     v3(list[i], y, z)
 }
 
-/// The first of some numbers, which grow and lie a stride apart, that is over a number; the last if none is.
+/// Returns the index of the first value larger than `value` among `count` increasing values, which are stored
+/// `stride` apart from index `first` on. Returns the last index if no value is larger.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn first_over(list: &[f32], first: u32, count: u32, stride: u32, value: f32) -> u32 {

@@ -1,4 +1,5 @@
-//! Physics as small pure functions of numbers, each with its derivative beside it and a test of it.
+//! Formulas of light transport as small pure functions. Each has its derivative beside it, and a test of that
+//! derivative.
 
 #![allow(
     clippy::assign_op_pattern,

@@ -3,23 +3,23 @@
 use super::{V3, splat};
 use crate::cube::*;
 
-/// Lengths under this have no direction.
+/// Vectors shorter than this have no direction.
 const TINY: f32 = 1e-15;
 
-/// A tilt of a normal N by a texel (x, y, z): N' ∝ x·T + y·B + z·N, where T is the tangent made perpendicular to N,
-/// of unit length, and B = ±N × T. Where there is no such tangent, or the texel is 0, N stays as it is.
+/// The tilt of a normal N by a texel (x, y, z): N' ∝ x·T + y·B + z·N. T is the normalized component of the tangent
+/// perpendicular to N, and B = ±N × T. N stays unchanged if there is no such component, or if the texel is 0.
 #[apply(record!)]
 pub(crate) struct Tilt {
     /// N, of unit length.
     pub normal: V3,
     /// Of any length and direction.
     pub tangent: V3,
-    /// The side of the bitangent, 1 or −1.
+    /// Sign of the bitangent, 1 or −1.
     pub side: f32,
     pub texel: V3,
 }
 
-/// Derivatives by what a tilted normal is made of.
+/// Derivatives with respect to the fields of [`Tilt`].
 #[apply(record!)]
 pub(crate) struct TiltGradient {
     pub normal: V3,
@@ -29,20 +29,20 @@ pub(crate) struct TiltGradient {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Tilt {
-    /// The part of the tangent that is perpendicular to the normal.
+    /// Returns the component of the tangent perpendicular to the normal.
     #[inline(always)]
     fn across(&self) -> V3 {
         self.tangent - self.normal * self.normal.dot(self.tangent)
     }
 
-    /// The tilted normal before it is of unit length, with T of unit length.
+    /// Returns the tilted normal before normalization, for T of unit length.
     #[inline(always)]
     fn sum(&self, tangent: V3) -> V3 {
         let bitangent = self.normal.cross(tangent) * self.side;
         tangent * self.texel.x + bitangent * self.texel.y + self.normal * self.texel.z
     }
 
-    /// N', of unit length.
+    /// Returns N', of unit length.
     #[inline(always)]
     pub fn tilted(&self) -> V3 {
         let across = self.across();
@@ -58,7 +58,7 @@ impl Tilt {
         tilted
     }
 
-    /// The derivatives of g·N'.
+    /// Returns the derivatives of g·N'.
     #[inline(always)]
     pub fn backward(&self, g: V3) -> TiltGradient {
         let across = self.across();
@@ -126,7 +126,7 @@ mod tests {
         assert_eq!(none.tilted(), none.normal);
     }
 
-    /// Red turns towards the tangent, green towards N × T on its side.
+    /// Red tilts toward the tangent, green toward ±N × T.
     #[test]
     fn texels_are_parts_along_an_orthonormal_frame() {
         let t = Tilt {

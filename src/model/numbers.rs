@@ -1,5 +1,5 @@
-//! Numbers that may not be finite, by their bits. Compilers of shaders may assume that there are none; and NaN is not
-//! unequal to 0 there, since `!=` is compiled into an ordered comparison.
+//! Tests on the bits of floats that may be infinite or NaN. Shader compilers may assume that all floats are finite.
+//! In shaders `NaN != 0.0` is false, since `!=` is compiled into an ordered comparison.
 
 #![cfg_attr(not(feature = "wgpu"), allow(dead_code, reason = "kernels use them"))]
 
@@ -7,7 +7,7 @@
 use crate::cube::*;
 use crate::model::choice::INFINITY;
 
-/// The bits of |x|, which have the order of the numbers; those of NaN are above all others.
+/// Returns the bits of |x|, which are ordered as the numbers are. The bits of NaN are above all others.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn magnitude(x: f32) -> u32 {
@@ -20,14 +20,14 @@ pub(crate) fn is_finite(x: f32) -> bool {
     magnitude(x) < INFINITY
 }
 
-/// Whether it is not 0; true of NaN.
+/// Returns whether `x` is not 0; true for NaN.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn is_nonzero(x: f32) -> bool {
     magnitude(x) > 0
 }
 
-/// NaN, from the bits of any number: WGSL has no constant that is NaN.
+/// Returns NaN, made from the bits of any number, since WGSL has no NaN constant.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn not_a_number(any: f32) -> f32 {

@@ -1,25 +1,25 @@
-//! Parts of segments a + λe, λ ∈ [0, 1], and points drawn on them.
+//! Clipping of segments a + λe, λ ∈ [0, 1], and sampling of points on them.
 
 use super::V3;
 use super::frame::{arc_tangent, sin_cos_of_turns};
 use crate::cube::*;
 
-/// A part of a segment, from one λ to another; empty unless the second is larger.
+/// An interval of λ on a segment. It is empty unless `to` is larger than `from`.
 #[apply(record!)]
 pub(crate) struct Part {
     pub from: f32,
     pub to: f32,
 }
 
-/// A point drawn on a segment, and 1 over the density of its λ; 0 where there is none.
+/// A sampled point of a segment, and the reciprocal of its density in λ, which is 0 where there is no point.
 #[apply(record!)]
 pub(crate) struct OnSegment {
     pub lambda: f32,
     pub per_density: f32,
 }
 
-/// The part of a range of λ on which a linear quantity, f at λ = 0 and g at λ = 1, is not negative. It ends
-/// before it starts where there is none.
+/// Returns the part of a range of λ on which a linear function, f at λ = 0 and g at λ = 1, is not negative. If there
+/// is no such part, the returned range ends before it starts.
 pub(crate) fn clip_linear([from, to]: [f32; 2], f: f32, g: f32) -> [f32; 2] {
     if f < 0.0 && g < 0.0 {
         [from, -1.0]
@@ -32,13 +32,14 @@ pub(crate) fn clip_linear([from, to]: [f32; 2], f: f32, g: f32) -> [f32; 2] {
     }
 }
 
-/// The part of a segment a + λe that lies in a cone about an axis of a half-angle of at most 90°.
+/// Returns the part of a segment a + λe that lies inside a cone about `axis` with its apex at the origin. `cos` is
+/// the cosine of the half-angle, which is at most 90°.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Part {
     let p = a.dot(axis);
     let q = e.dot(axis);
-    // Before the plane across the axis through the apex.
+    // Clip to the half-space in front of the plane through the apex, perpendicular to the axis.
     let mut from = select(q > 0.0, (-p / q).max(0.0), 0.0);
     let level = select(p <= 0.0, -1.0f32, 1.0f32);
     let mut to = select(q > 0.0, 1.0f32, level);
@@ -50,12 +51,12 @@ pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Part {
         let zeroth = p * p - square * a.length_squared();
         let discriminant = first * first - second * zeroth;
         if discriminant <= 0.0 {
-            // All of the line or nothing.
+            // Without two roots the whole line is inside or none of it is.
             to = select(second < 0.0 || zeroth < 0.0, -1.0f32, to);
         } else {
             let root = discriminant.sqrt();
             let root = select(first < 0.0, -root, root);
-            // The two roots without cancellation.
+            // The two roots, computed without cancellation.
             let sum = -(first + root);
             let low = (sum / second).min(zeroth / sum);
             let high = (sum / second).max(zeroth / sum);
@@ -68,8 +69,8 @@ pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Part {
     Part { from, to }
 }
 
-/// The point of a part of a segment, not seen end-on, for a uniform number: by the angle under which the
-/// origin sees it.
+/// Samples a point on part of a segment, uniformly in the angle seen from the origin, for a uniform number `u`.
+/// `per_density` is 0 for a segment that is seen end-on.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn point_by_angle(a: V3, e: V3, part: Part, u: f32) -> OnSegment {
@@ -96,7 +97,7 @@ pub(crate) fn point_by_angle(a: V3, e: V3, part: Part, u: f32) -> OnSegment {
     }
 }
 
-/// Turns in a radian.
+/// Turns per radian.
 const PER_TURN: f32 = 1.0 / std::f32::consts::TAU;
 
 #[cfg(test)]
@@ -113,7 +114,7 @@ mod tests {
         assert!(from > to);
     }
 
-    /// The mean of 1 over the density is the length of the range, and the numbers follow the angle.
+    /// The mean of 1/density is the length of the range, and points are uniform in the angle.
     #[test]
     fn points_by_their_angle() {
         let (a, e) = (v3(0.2, -0.5, 1.0), v3(0.7, 1.5, -0.4));

@@ -1,4 +1,4 @@
-//! The environment: its radiance along directions, and directions drawn from a map of it.
+//! The environment: its radiance in a direction, and importance sampling of an environment map.
 
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use super::{V2, V3, v2, v3};
 use crate::cube::*;
 use crate::scene::{HostScene, HostTexture};
 
-/// The environment: black without values, a constant, or texels of a map, from which directions are drawn.
+/// The environment: black if empty, one constant color, or the texels of a map, which directions are sampled from.
 #[derive(Default)]
 pub(crate) struct Sky {
     pub values: Vec<f32>,
@@ -47,8 +47,10 @@ impl Sky {
     }
 }
 
-/// An equirectangular map, whose columns repeat and whose rows end at the poles. Directions are drawn by a list: sums of
-/// probabilities over rows so far, and within each row, and the probability of each texel.
+/// An equirectangular map, whose columns repeat and whose rows end at the poles.
+///
+/// The list that directions are sampled by stores the cumulative probabilities of rows, the cumulative probabilities
+/// within each row, and the probability of each texel.
 #[apply(record!)]
 pub(crate) struct Map {
     pub width: u32,
@@ -57,7 +59,7 @@ pub(crate) struct Map {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Map {
-    /// Column and row of a direction, in texels.
+    /// Returns column and row of a direction, in texels.
     #[inline(always)]
     pub fn place(&self, d: V3) -> V2 {
         let around = (d.x * d.x + d.z * d.z).sqrt();
@@ -67,7 +69,7 @@ impl Map {
         )
     }
 
-    /// The texels about a direction.
+    /// Returns the cell of texels around a direction.
     #[inline(always)]
     pub fn cell(&self, direction: V3) -> Cell {
         let place = self.place(direction);
@@ -80,7 +82,7 @@ impl Map {
         image.cell(place.x - 0.5, place.y - 0.5)
     }
 
-    /// Derivatives by a direction, from those by its column and row.
+    /// Turns derivatives with respect to column and row into those with respect to the direction.
     #[inline(always)]
     pub fn by_direction(&self, d: V3, by: V2) -> V3 {
         let around = (d.x * d.x + d.z * d.z).max(1e-12);
@@ -90,7 +92,7 @@ impl Map {
             - v3(0.0, 1.0, 0.0) * (by.y * rows / around.sqrt())
     }
 
-    /// The density per solid angle with which [`Map::choose`] draws a direction.
+    /// Returns the solid-angle density with which [`Map::choose`] samples a direction.
     #[inline(always)]
     pub fn density(&self, list: &[f32], d: V3) -> f32 {
         let place = self.place(d);
@@ -101,7 +103,7 @@ impl Map {
         chance * (self.width * self.height) as f32 / (TAU * PI * sine)
     }
 
-    /// A direction for a pair of random numbers.
+    /// Samples a direction for a pair of uniform numbers.
     #[inline(always)]
     pub fn choose(&self, list: &[f32], u: f32, v: f32) -> V3 {
         let wanted = v * list[(self.height - 1) as usize];
@@ -118,7 +120,7 @@ impl Map {
     }
 }
 
-/// The place of a number between two of a list, 0 … 1.
+/// Returns the position of a value between entries k − 1 and k of a list, 0 … 1.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn between(list: &[f32], first: u32, k: u32, value: f32) -> f32 {
@@ -130,25 +132,25 @@ fn between(list: &[f32], first: u32, k: u32, value: f32) -> f32 {
     ((value - before) / (past - before)).max(0.0).min(1.0)
 }
 
-/// The density with which directions to a map are drawn: by texel, in proportion to the mean radiance about it times the
-/// solid angle.
+/// The density with which directions to a map are sampled. The probability of a texel is proportional to its solid
+/// angle times a brightness: the mean over the 3 × 3 texels around it, plus half of its own.
 pub(crate) struct SkyDensity {
     pub map: Map,
     pub list: Vec<f32>,
 }
 
-/// The share of directions that are drawn uniformly: a black part may still have a gradient.
+/// Fraction of directions that are sampled uniformly, since a black part may still have a gradient.
 const UNIFORM: f64 = 0.02;
 
 impl SkyDensity {
-    /// The density for a map whose texels have a brightness, row after row from the top.
+    /// Builds the density of a map from the brightness of its texels, row after row from the top.
     pub fn new(width: usize, height: usize, brightness: impl Fn(usize) -> f64) -> Self {
         let (w, h) = (width, height);
         let solid = |y: usize| (std::f64::consts::PI * (y as f64 + 0.5) / h as f64).sin();
         let mut chance = vec![0.0; w * h];
         for y in 0..h {
             for x in 0..w {
-                // Bilinear look-up spreads a texel over its neighbours.
+                // Bilinear lookup spreads a texel over its neighbors.
                 let mut sum = 0.0;
                 for v in y.saturating_sub(1)..(y + 2).min(h) {
                     for u in [(x + w - 1) % w, x, (x + 1) % w] {
@@ -184,14 +186,14 @@ impl SkyDensity {
         Self { map, list }
     }
 
-    /// A direction for a pair of random numbers, with its density per solid angle.
+    /// Samples a direction for a pair of uniform numbers; returns it with its solid-angle density.
     #[inline(never)]
     pub fn choose(&self, u: f32, v: f32) -> (V3, f32) {
         let d = self.map.choose(&self.list, u, v);
         (d, self.density(d))
     }
 
-    /// The density per solid angle with which a direction is drawn.
+    /// Returns the solid-angle density with which a direction is sampled.
     #[inline(never)]
     pub fn density(&self, d: V3) -> f32 {
         self.map.density(&self.list, d)
@@ -202,7 +204,7 @@ impl SkyDensity {
 mod tests {
     use super::*;
 
-    /// Light of a map, by the direction along the sphere.
+    /// The radiance of a map against central differences in the direction, along the sphere.
     #[test]
     fn derivatives_of_light() {
         let texels: Vec<f32> = (0..96).map(|i| (0.7 * i as f32).sin()).collect();
@@ -230,7 +232,7 @@ mod tests {
         }
     }
 
-    /// Uniform random numbers give directions with the density that is told: its inverse has the mean 4π.
+    /// Sampled directions have the returned density: the mean of its reciprocal is 4π.
     #[test]
     fn density_of_drawn_directions() {
         let (w, h) = (16, 8);

@@ -1,4 +1,4 @@
-//! Colours that are constant or come from textures, masks, and the bilinear look-up in images.
+//! Colors that are constant or come from textures, alpha masks, and bilinear image lookup.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use super::{V2, V3, v2};
 use crate::cube::*;
 use crate::scene::{Holes, OF_MASKED, Wrap};
 
-/// The colours of textures, three numbers each.
+/// The texels of all textures, three floats each.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Texels(pub Vec<f32>);
 
@@ -17,7 +17,7 @@ impl Texels {
         self.0.len() / 3
     }
 
-    /// Appends a list; the first is not copied, unless others have it too.
+    /// Appends a list. The first list is moved instead of copied, unless it is shared.
     pub fn push(&mut self, numbers: Arc<Vec<f32>>) {
         match Arc::try_unwrap(numbers) {
             Ok(own) if self.0.is_empty() => self.0 = own,
@@ -27,13 +27,13 @@ impl Texels {
     }
 
     fn extend(&mut self, numbers: &[f32]) {
-        // Not twice as much as there is, as a list otherwise grows.
+        // Reserve exactly, as a vector would otherwise double its capacity.
         self.0.reserve_exact(numbers.len());
         self.0.extend_from_slice(numbers);
     }
 }
 
-/// Four texels of a list about a point, and the point's place between their centres.
+/// The four texels around a point, as indices into a list, and the point's position between their centers.
 #[apply(zeroed!)]
 pub(crate) struct Cell {
     pub a: u32,
@@ -47,7 +47,7 @@ pub(crate) struct Cell {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Cell {
-    /// A texel by its number in the cell, 0 … 3, and its share in the value at the point.
+    /// Returns texel `k` of the cell, 0 … 3; [`Cell::share`] is its bilinear weight at the point.
     #[inline(always)]
     pub fn texel(&self, k: u32) -> u32 {
         let mut texel = self.a;
@@ -70,7 +70,7 @@ impl Cell {
         x * y
     }
 
-    /// The number at the point, of texels from a place of a list on.
+    /// Returns the interpolated value of single-channel texels, which start at index `from`.
     #[inline(always)]
     pub fn number(&self, list: &[f32], from: u32) -> f32 {
         list[(from + self.a) as usize] * self.share(0)
@@ -79,7 +79,7 @@ impl Cell {
             + list[(from + self.d) as usize] * self.share(3)
     }
 
-    /// The colour at the point, of texels of three numbers.
+    /// Returns the interpolated color of three-channel texels, which start at index `from`.
     #[inline(always)]
     pub fn colour(&self, list: &[f32], from: u32) -> V3 {
         vector(list, from + 3 * self.a) * self.share(0)
@@ -88,7 +88,7 @@ impl Cell {
             + vector(list, from + 3 * self.d) * self.share(3)
     }
 
-    /// The derivatives of g·colour by the point, in texels.
+    /// Returns the derivatives of g·color with respect to the point, in texels.
     #[inline(always)]
     pub fn slopes(&self, list: &[f32], from: u32, g: V3) -> V2 {
         let a = vector(list, from + 3 * self.a).dot(g);
@@ -102,12 +102,12 @@ impl Cell {
     }
 }
 
-/// How an image goes on outside: [`Wrap`] by its number, or columns that repeat and rows that end.
+/// Wrap modes of an image: the values of [`Wrap`], and columns that repeat with rows that are clamped.
 const CLAMP: u32 = Wrap::Clamp as u32;
 const MIRROR: u32 = Wrap::Mirror as u32;
 pub(crate) const AROUND: u32 = 3;
 
-/// The column or row for any whole number.
+/// Returns the column or row for any integer under a wrap mode.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn wrapped(i: i32, size: u32, wrap: u32) -> u32 {
@@ -121,10 +121,10 @@ pub(crate) fn wrapped(i: i32, size: u32, wrap: u32) -> u32 {
     texel as u32
 }
 
-/// Columns and rows from here on are taken for this.
+/// Columns and rows are clamped to this magnitude.
 const FAR: f32 = 1e9;
 
-/// An image in a list of texels: the number of its first one, its size, and how it goes on outside.
+/// An image in a list of texels: the index of its first texel, its size, and its wrap mode.
 #[apply(record!)]
 pub(crate) struct Texture {
     pub first: u32,
@@ -135,7 +135,7 @@ pub(crate) struct Texture {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Texture {
-    /// The cell of a point in texels, whose centres are at whole numbers.
+    /// Returns the cell of a point in texels, whose centers are at integers.
     #[inline(always)]
     pub fn cell(&self, x: f32, y: f32) -> Cell {
         let left = x.floor();
@@ -158,7 +158,7 @@ impl Texture {
         }
     }
 
-    /// The cell of texture coordinates: texel centres are at half-integers, row 0 at the top (v = 1).
+    /// Returns the cell of texture coordinates. Texel centers are at half-integers, and row 0 is at the top (v = 1).
     #[inline(always)]
     pub fn cell_at(&self, uv: V2) -> Cell {
         let x = uv.x * self.width as f32 - 0.5;
@@ -166,7 +166,7 @@ impl Texture {
         self.cell(x, y)
     }
 
-    /// Derivatives by texture coordinates, from those by a cell's point.
+    /// Turns derivatives with respect to a cell's point into those with respect to texture coordinates.
     #[inline(always)]
     pub fn by_coordinates(&self, by: V2) -> V2 {
         v2(by.x * self.width as f32, -by.y * self.height as f32)
@@ -174,7 +174,7 @@ impl Texture {
 }
 
 impl Texture {
-    /// That of so many columns and rows.
+    /// Makes a texture of the given width and height.
     pub fn new(first: usize, [width, height]: [usize; 2], wrap: Wrap) -> Self {
         Self {
             first: first as u32,
@@ -184,13 +184,13 @@ impl Texture {
         }
     }
 
-    /// It as words of a list.
+    /// Returns its words in a list.
     pub fn words(&self) -> [u32; 4] {
         [self.first, self.width, self.height, self.wrap]
     }
 }
 
-/// An image, by the place of its words.
+/// Reads the image whose words start at index `at`.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn texture_at(words: &[u32], at: u32) -> Texture {
@@ -204,14 +204,14 @@ pub(crate) fn texture_at(words: &[u32], at: u32) -> Texture {
     }
 }
 
-/// The masks of triangles.
+/// The alpha masks of triangles.
 #[cfg_attr(feature = "wgpu", derive(CubeType))]
 #[derive(Clone, Copy)]
 pub(crate) struct Masks<'a> {
-    /// The place of each triangle among those with a mask, `u32::MAX` for one without.
+    /// The index of each triangle among the triangles with a mask, `u32::MAX` for a triangle without one.
     pub masked: &'a [u32],
-    /// The image of each of these, and [`OF_MASKED`] numbers: texture coordinates of its corners, and the alpha under
-    /// which it has a hole.
+    /// For each triangle with a mask: its image, and [`OF_MASKED`] floats, which are the texture coordinates of its
+    /// corners and the alpha below which it has a hole.
     pub images: &'a [u32],
     pub uvs: &'a [f32],
     pub alphas: &'a [f32],
@@ -219,7 +219,7 @@ pub(crate) struct Masks<'a> {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl<'a> Masks<'a> {
-    /// Whether a triangle has a hole at the point with these weights of its corners.
+    /// Returns whether a triangle has a hole at the point with these barycentric weights.
     #[inline(always)]
     pub fn open(&self, triangle: u32, weights: V3) -> bool {
         let place = self.masked[triangle as usize];
@@ -230,7 +230,7 @@ impl<'a> Masks<'a> {
         open
     }
 
-    /// The same of a triangle with a mask, by its place among these.
+    /// [`Masks::open`] of a triangle with a mask, by its index among those.
     #[inline(never)]
     pub fn open_at(&self, place: u32, weights: V3) -> bool {
         let of = &self.uvs[OF_MASKED * place as usize..];
@@ -256,7 +256,7 @@ impl Holes {
     }
 }
 
-/// A colour of a material: constant, or a texture.
+/// A color of a material: constant, or a texture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Colour {
     pub constant: V3,
@@ -272,7 +272,8 @@ impl Colour {
         }
     }
 
-    /// The mean over a triangle with these coordinates at its corners, about: of all channels, without their signs.
+    /// Returns approximately the mean of the absolute channel values over a triangle with these texture coordinates
+    /// at its corners.
     pub fn mean_over(&self, texels: &Texels, uvs: [[f32; 2]; 3]) -> f32 {
         let mean = |colour: V3| colour.abs().element_sum() / 3.0;
         if self.texture.is_none() {
@@ -295,7 +296,7 @@ mod tests {
     use super::*;
     use crate::model::v3;
 
-    /// A texture of 3 × 2 texels, each channel another, after one that is not looked at.
+    /// A texture of 3 × 2 texels with different channels, behind one texel that is not part of it.
     fn textures() -> (Texels, Texture) {
         let texels = Texels((0..21).map(|i| (0.7 * i as f32).sin()).collect());
         let texture = Texture {

@@ -1,17 +1,17 @@
-//! Triangles, points of them that rays hit, and how they move.
+//! Triangles: barycentric weights, hit points of rays, and derivatives of both.
 
 use super::frame::arc_tangent_of;
 use super::lists::vector;
 use super::{Pair, V2, V3, v2, v3};
 use crate::cube::*;
 
-/// A triangle, in inner coordinates at the start of the shutter.
+/// A triangle in internal coordinates, at shutter open.
 #[apply(zeroed!)]
 pub(crate) struct Triangle {
     pub a: V3,
     pub b: V3,
     pub c: V3,
-    /// Unit normal of the front.
+    /// Unit normal of the front side.
     pub normal: V3,
     /// normal · corner.
     pub offset: f32,
@@ -25,17 +25,17 @@ pub(crate) struct Plane {
     pub offset: f32,
 }
 
-/// Numbers of a triangle in a list, in the order of its fields, and the places of its plane and its area among them.
+/// Number of floats of a triangle in a list, in the order of its fields, and the offsets of its plane and its area.
 pub(crate) const NUMBERS: usize = 14;
 const PLANE: usize = 9;
 pub(crate) const AREA: usize = 13;
 
-/// A triangle of a list.
+/// Reads triangle `k` from a list.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn triangle_at(triangles: &[f32], k: u32) -> Triangle {
     let list = &triangles[NUMBERS * k as usize..];
-    // The last number first: then the host checks one index.
+    // The last index first, so that the host checks bounds once.
     let area = list[AREA];
     Triangle {
         a: vector(list, 0u32),
@@ -47,19 +47,19 @@ pub(crate) fn triangle_at(triangles: &[f32], k: u32) -> Triangle {
     }
 }
 
-/// Whether an area is one that rays can hit: neither so small that it has no inverse, nor infinite.
+/// Returns whether rays can hit a triangle of this area: it is neither infinite nor so small that it has no inverse.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn has_area(area: f32) -> bool {
     area > 1e-35 && area <= f32::MAX
 }
 
-/// The plane of a triangle of a list.
+/// Reads the plane of triangle `k` from a list.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn plane_at(triangles: &[f32], k: u32) -> Plane {
     let at = NUMBERS * k as usize + PLANE;
-    // The last number first, as above.
+    // The last index first, as above.
     let offset = triangles[at + 3];
     Plane {
         normal: vector(triangles, at as u32),
@@ -69,7 +69,7 @@ pub(crate) fn plane_at(triangles: &[f32], k: u32) -> Plane {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Plane {
-    /// How far a point is from it.
+    /// Returns the signed distance of a point from the plane.
     #[inline(always)]
     pub fn above(&self, point: V3) -> f32 {
         self.normal.dot(point) - self.offset
@@ -84,7 +84,7 @@ impl Triangle {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Triangle {
-    /// It moved by a vector.
+    /// Returns the triangle translated by a vector.
     #[inline(always)]
     pub fn moved(&self, shift: V3) -> Triangle {
         Triangle {
@@ -97,13 +97,13 @@ impl Triangle {
         }
     }
 
-    /// The weights of its corners in a point of its plane.
+    /// Returns the barycentric weights of a point of the triangle's plane.
     #[inline(always)]
     pub fn weights(&self, at_rest: V3) -> V3 {
         weights_at(self.a, self.b, self.c, self.normal, self.area, at_rest)
     }
 
-    /// ∂/∂point of the weights of the second and third corner.
+    /// Returns the derivatives with respect to the point of the weights of the second and third corner.
     #[inline(always)]
     pub fn slopes(&self) -> Pair {
         let inverse = 0.5 / self.area;
@@ -113,13 +113,13 @@ impl Triangle {
         }
     }
 
-    /// From derivatives by its normal and its area to those by b − a and c − a.
+    /// Turns derivatives with respect to normal and area into those with respect to b − a and c − a.
     #[inline(always)]
     pub fn sides_backward(&self, by_normal: V3, by_area: f32) -> Pair {
         let across = by_normal.reject_from_normalized(self.normal);
         let ab = self.b - self.a;
         let ac = self.c - self.a;
-        // Lengths before they are divided by the area, which may be tiny.
+        // Lengths are multiplied before the division by the area, which may be tiny.
         let per_area = 0.5 / self.area;
         Pair {
             first: ac.cross(across) * per_area + ac.cross(self.normal) * (0.5 * by_area),
@@ -135,15 +135,15 @@ impl Triangle {
         }
     }
 
-    /// How far a point is from its plane.
+    /// Returns the signed distance of a point from the triangle's plane.
     #[inline(always)]
     pub fn above(&self, point: V3) -> f32 {
         self.plane().above(point)
     }
 }
 
-/// Weights of a triangle's corners in a point of its plane. No length is squared, so that triangles may be
-/// tiny and huge.
+/// Returns the barycentric weights of a point of a triangle's plane. No length is squared, so triangles may be tiny
+/// or huge.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn weights_at(a: V3, b: V3, c: V3, normal: V3, area: f32, point: V3) -> V3 {
@@ -156,8 +156,7 @@ pub(crate) fn weights_at(a: V3, b: V3, c: V3, normal: V3, area: f32, point: V3) 
     v3(1.0 - second - third, second, third)
 }
 
-/// The solid angle under which a point sees a triangle, negative from behind (Van Oosterom and Strackee
-/// 1983).
+/// Returns the solid angle of a triangle seen from a point, negative from behind (Van Oosterom and Strackee 1983).
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn solid_angle(first: V3, second: V3, third: V3, from: V3) -> f32 {
@@ -168,21 +167,21 @@ pub(crate) fn solid_angle(first: V3, second: V3, third: V3, from: V3) -> f32 {
     let lb = b.length();
     let lc = c.length();
     let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-    // Seen from the front corners run counter-clockwise, and the triple product is negative.
+    // Seen from the front, the corners run counterclockwise and the triple product is negative.
     -2.0f32 * arc_tangent_of(a.dot(b.cross(c)), below)
 }
 
-/// The derivative of the hit point o + t·d of a ray with a plane, at fixed weights of the corners: the
-/// part of g that moves with the plane. n·d dt = n·(Σ wᵢ dvᵢ − do − t dd), so corner i takes wᵢ times
-/// it, the ray's origin g less it, and its direction t times the same.
+/// Returns the part of g that moves with the plane: the backward pass of the hit point o + t·d of a ray with a plane.
+///
+/// From n·d dt = n·(Σ wᵢ dvᵢ − do − t dd), at fixed weights wᵢ, follow the derivatives: corner i receives wᵢ times
+/// this vector, the ray origin g minus it, and the ray direction t times the derivative of the origin.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn hit_backward(normal: V3, direction: V3, g: V3) -> V3 {
     normal * (g.dot(direction) / normal.dot(direction))
 }
 
-/// Weights of the second and third corner in a point of a triangle, for two uniform numbers: with the density
-/// 1/area.
+/// Maps two uniform numbers to barycentric weights of the second and third corner, with density 1/area.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn uniform_point(u: f32, v: f32) -> V2 {
@@ -190,7 +189,7 @@ pub(crate) fn uniform_point(u: f32, v: f32) -> V2 {
     v2(root * (1.0 - v), root * v)
 }
 
-/// The weighted sum of the corners.
+/// Returns the weighted sum of the corners.
 #[cfg(test)]
 pub(crate) fn at(corners: [V3; 3], weights: [f32; 3]) -> V3 {
     corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2]
@@ -238,7 +237,7 @@ mod tests {
         }
     }
 
-    /// An eighth of the sphere, from the front and from behind.
+    /// An octant of the sphere, from the front and from behind.
     #[test]
     fn solid_angles() {
         let eighth = std::f32::consts::FRAC_PI_2;
@@ -247,7 +246,7 @@ mod tests {
         assert!((solid_angle(x, z, y, V3::ZERO) - eighth).abs() < 1e-6);
     }
 
-    /// The point where a ray hits, by the plane's corners, the ray's origin and its direction.
+    /// Derivatives of the hit point with respect to the plane's corners, the ray origin and the ray direction.
     #[test]
     fn derivatives_of_hits() {
         let (origin, direction) = (v3(0.4, 0.1, -0.3), v3(0.1, 0.05, 1.0));

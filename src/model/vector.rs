@@ -1,5 +1,5 @@
-//! Three numbers. Formulas of `model` are written in a subset of Rust that a kernel language takes:
-//! plain structs, no early returns, no closures.
+//! Vectors. The formulas of `model` are written in the subset of Rust that the kernel language supports: plain
+//! structs, no early returns, no closures.
 
 use std::ops::{Add, AddAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::cube::*;
 
-/// A point, direction or colour.
+/// A point, direction or color.
 #[apply(zeroed!)]
 #[derive(PartialEq)]
 pub(crate) struct V3 {
@@ -32,21 +32,21 @@ pub(crate) struct Pair {
     pub second: V3,
 }
 
-/// A vector of its components.
+/// Makes a vector from its components.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) const fn v2(x: f32, y: f32) -> V2 {
     V2 { x, y }
 }
 
-/// A vector of its components.
+/// Makes a vector from its components.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) const fn v3(x: f32, y: f32, z: f32) -> V3 {
     V3 { x, y, z }
 }
 
-/// The first of two vectors under a condition, else the second, without a branch.
+/// Returns `a` if the condition holds, otherwise `b`, without a branch.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn select_vector(condition: bool, a: V3, b: V3) -> V3 {
@@ -57,7 +57,7 @@ pub(crate) fn select_vector(condition: bool, a: V3, b: V3) -> V3 {
     )
 }
 
-/// The same number three times.
+/// Returns a vector of three equal components.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) const fn splat(x: f32) -> V3 {
@@ -80,7 +80,7 @@ impl V3 {
     }
 }
 
-// A kernel language finds operators by the names of these methods.
+// The kernel language resolves operators by these method names.
 #[cfg_attr(feature = "wgpu", cube)]
 #[allow(clippy::should_implement_trait)]
 impl V3 {
@@ -132,7 +132,7 @@ impl V3 {
         )
     }
 
-    /// Component by component.
+    /// Returns the componentwise product.
     #[inline(always)]
     pub fn times(self, o: V3) -> V3 {
         v3(self.x * o.x, self.y * o.y, self.z * o.z)
@@ -148,37 +148,37 @@ impl V3 {
         self.length_squared().sqrt()
     }
 
-    /// The unit vector of its direction; not finite for a vector of length 0.
+    /// Returns the unit vector in its direction; not finite for a vector of length 0.
     #[inline(always)]
     pub fn normalize(self) -> V3 {
         self * (1.0 / self.length())
     }
 
-    /// Its part at right angles to a unit vector.
+    /// Returns the component perpendicular to a unit vector.
     #[inline(always)]
     pub fn reject_from_normalized(self, unit: V3) -> V3 {
         self - unit * self.dot(unit)
     }
 
-    /// The smaller of each component.
+    /// Returns the componentwise minimum.
     #[inline(always)]
     pub fn min(self, o: V3) -> V3 {
         v3(self.x.min(o.x), self.y.min(o.y), self.z.min(o.z))
     }
 
-    /// The larger of each component.
+    /// Returns the componentwise maximum.
     #[inline(always)]
     pub fn max(self, o: V3) -> V3 {
         v3(self.x.max(o.x), self.y.max(o.y), self.z.max(o.z))
     }
 
-    /// The sum of the components.
+    /// Returns the sum of the components.
     #[inline(always)]
     pub fn element_sum(self) -> f32 {
         self.x + self.y + self.z
     }
 
-    /// The largest component.
+    /// Returns the largest component.
     #[inline(always)]
     pub fn max_element(self) -> f32 {
         self.x.max(self.y).max(self.z)
@@ -195,7 +195,7 @@ impl V3 {
     }
 }
 
-/// A component of a vector, by its number.
+/// Returns component `k` of a vector.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn component(v: V3, k: u32) -> f32 {

@@ -7,43 +7,43 @@ use super::values::{leaf, logit, positive};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Parameter, Projection, Range};
 
-/// The field of view stays between these, degrees.
+/// The bounds of the vertical field of view, degrees.
 const FOV: [f64; 2] = [1.0, 170.0];
 
-/// The parameters of a camera's direction.
+/// The form of the parameters of a camera's direction.
 #[derive(Config, Debug, Copy, PartialEq, Eq)]
 pub enum AimForm {
-    /// A point that the camera looks at from any position.
+    /// A point. The camera looks at it from any position.
     Target,
-    /// A direction that does not change when the camera moves.
+    /// A direction. It does not change when the camera moves.
     Direction,
 }
 
-/// Makes a [`CameraParams`].
+/// The configuration of a [`CameraParams`].
 #[derive(Config, Debug)]
 pub struct CameraParamsConfig {
     /// Position, scene units.
     pub eye: [f64; 3],
-    /// The point looked at, scene units.
+    /// The point that the camera looks at, scene units.
     pub target: [f64; 3],
-    /// Roughly up.
+    /// A direction that points up in the image, not along the view axis; +y by default.
     #[config(default = "[0.0, 1.0, 0.0]")]
     pub up: [f64; 3],
-    /// Vertical field of view, degrees in (1, 170).
+    /// Vertical field of view, degrees in (1, 170); 40 by default.
     #[config(default = 40.0)]
     pub fov_y: f64,
-    /// Aperture radius and focus distance of a thin lens, scene units, both > 0.
+    /// Aperture radius and focus distance of a thin lens, scene units, both > 0; a pinhole by default.
     pub lens: Option<[f64; 2]>,
-    /// Whether the camera looks at a point or in a direction.
+    /// Whether the aim is a point or a direction; a point by default.
     #[config(default = "AimForm::Target")]
     pub aim: AimForm,
 }
 
 impl CameraParamsConfig {
-    /// The camera, in the device's default float type.
+    /// Creates the parameters, in the device's default float type.
     ///
     /// # Errors
-    /// If a value is out of its range, eye and target are the same, or up is along the view.
+    /// If a value is out of its range, `eye` and `target` are the same, or `up` is along the view axis.
     pub fn init(&self, device: &Device) -> Result<CameraParams> {
         Range::Degrees(1, 170).check("camera", "fov_y", &[self.fov_y])?;
         Camera::look_at(self.eye, self.target)
@@ -72,17 +72,17 @@ impl CameraParamsConfig {
     }
 }
 
-/// The target or the direction of a camera.
+/// The parameters of a camera's direction.
 #[derive(Module, Debug)]
 pub enum Aim {
-    /// The point looked at `[3]`, scene units.
+    /// The point that the camera looks at, `[3]`, scene units.
     Target(Param<Tensor<1>>),
-    /// The direction `[3]`, of any length but 0. With a trained `up` these are the six numbers of a
+    /// The direction `[3]`, of any length except 0. With a trained `up`, both form the six numbers of a
     /// rotation (Zhou et al. 2019).
     Direction(Param<Tensor<1>>),
 }
 
-/// A thin lens.
+/// The parameters of a thin lens. Logarithms beyond ±30 count as ±30.
 #[derive(Module)]
 pub struct LensParams {
     /// ln of the aperture radius in scene units, `[1]`.
@@ -91,8 +91,10 @@ pub struct LensParams {
     pub log_focus: Param<Tensor<1>>,
 }
 
-/// A camera. Everything but `up` is trained, unless it is frozen; a frozen part stays as it is in every
-/// optimiser, and is saved and loaded like the others.
+/// The parameters of a camera.
+///
+/// All parameters except `up` are trained, unless they are frozen. No optimizer changes a frozen parameter; it
+/// is saved and loaded like the others.
 ///
 /// ```
 /// use softray::modules::CameraParamsConfig;
@@ -112,21 +114,22 @@ pub struct LensParams {
 pub struct CameraParams {
     /// Position `[3]`, scene units.
     pub eye: Param<Tensor<1>>,
-    /// The target or the direction.
+    /// The point that the camera looks at, or its direction.
     pub aim: Aim,
-    /// Roughly up, `[3]`; frozen to begin with.
+    /// A direction that points up in the image, `[3]`; frozen by default.
     pub up: Param<Tensor<1>>,
-    /// The logit of where the vertical field of view is between 1° and 170°, `[1]`.
+    /// The logit of (fov_y − 1°)/(170° − 1°), where fov_y is the vertical field of view, `[1]`.
     pub fov: Param<Tensor<1>>,
-    /// The lens, if it is not a pinhole camera.
+    /// The thin lens; absent for a pinhole camera.
     pub lens: Option<LensParams>,
 }
 
 impl CameraParams {
-    /// Parameters of a camera's values, in the device's default float type; the camera looks at a point.
+    /// Creates parameters with the values of a camera, in the device's default float type. The aim is a point.
     ///
     /// # Errors
-    /// Like [`CameraParamsConfig::init`], or if a tensor can't be read.
+    /// Like [`CameraParamsConfig::init`], or if the projection is not [`Projection::Perspective`] or a tensor
+    /// cannot be read.
     pub fn from_camera(camera: &Camera, device: &Device) -> Result<Self> {
         let one = |p: &Parameter<1>| p.values().map(|[v]| v);
         let lens = match &camera.lens {
@@ -145,25 +148,25 @@ impl CameraParams {
             .init(device)
     }
 
-    /// Freezes the position: it is not trained.
+    /// Freezes the position, so that it is not trained.
     pub fn freeze_eye(mut self) -> Self {
         self.eye = self.eye.set_require_grad(false);
         self
     }
 
-    /// Freezes the target or direction: it is not trained.
+    /// Freezes the point or direction of the aim, so that it is not trained.
     pub fn freeze_aim(mut self) -> Self {
         self.aim = self.aim.no_grad();
         self
     }
 
-    /// Freezes the field of view: it is not trained.
+    /// Freezes the field of view, so that it is not trained.
     pub fn freeze_fov(mut self) -> Self {
         self.fov = self.fov.set_require_grad(false);
         self
     }
 
-    /// Freezes the lens: it is not trained.
+    /// Freezes the lens, so that it is not trained.
     pub fn freeze_lens(mut self) -> Self {
         self.lens = self.lens.map(Module::no_grad);
         self
@@ -175,7 +178,7 @@ impl CameraParams {
         self
     }
 
-    /// The camera, in the graph of the parameters that are trained.
+    /// Returns the camera, in the graph of the trained parameters.
     pub fn camera(&self) -> Camera {
         let eye = self.eye.val();
         let target = match &self.aim {

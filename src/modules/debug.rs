@@ -1,5 +1,5 @@
-//! `Debug` of modules shows their parameters by shape, or by value where there are few numbers. A learner that is
-//! printed shows its modules so.
+//! `Debug` of modules prints the shapes of their parameters, or their values if they are few. burn prints a
+//! learner's modules in this form.
 
 use std::fmt::{self, Debug, Formatter};
 
@@ -12,7 +12,7 @@ use super::{
 };
 use crate::debug::{Text, parameter};
 
-/// The parameters by the names of their fields.
+/// The parameters, named by the paths of their fields.
 #[derive(Default)]
 struct Parameters {
     path: Vec<String>,

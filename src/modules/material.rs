@@ -5,7 +5,7 @@ use burn::tensor::{Device, Tensor};
 
 use super::values::{leaf, logit, positive};
 use crate::error::{Error, Result};
-use crate::scene::{Albedo, Bsdf, Material, Parameter, Range, ScalarTexture};
+use crate::scene::{Bsdf, ColorTexture, Material, Parameter, Range, ScalarTexture};
 
 const OBJECT: &str = "material";
 /// The least share of a channel's light that a part begins with, and the least emission: 0 has no
@@ -51,7 +51,7 @@ impl MaterialParamsConfig {
         if let Some(emission) = self.emission {
             Range::NotNegative.check(OBJECT, "emission", &emission)?;
         }
-        let constant = Material::diffuse(self.diffuse).specular(specular, self.shininess);
+        let constant = Material::phong(self.diffuse, specular, self.shininess);
         constant.check_energy(OBJECT)?;
         let [roughness, metallic, index] = self.facets()?;
         let sum: [f64; 3] = std::array::from_fn(|i| self.diffuse[i] + specular[i]);
@@ -155,8 +155,8 @@ impl MaterialParams {
     /// Like [`MaterialParamsConfig::init`], or if a colour is a texture
     /// ([`TextureParams`](super::TextureParams) is for those), or a tensor can't be read.
     pub fn from_material(material: &Material, device: &Device) -> Result<Self> {
-        let colour = |field: &str, albedo: &Albedo| {
-            let Albedo::Constant(p) = albedo else {
+        let colour = |field: &str, albedo: &ColorTexture| {
+            let ColorTexture::Constant(p) = albedo else {
                 let object = format!("material {}", material.name);
                 let expected = "a constant colour; TextureParams is for textures";
                 return Err(Error::invalid(object, field, "a texture", expected));
@@ -170,29 +170,49 @@ impl MaterialParams {
             };
             Ok(p.values()?[0])
         };
-        let mut config =
-            MaterialParamsConfig::new().with_diffuse(colour("diffuse", &material.diffuse)?);
-        if material.bsdf != Bsdf::Phong {
-            config.roughness = Some(number("roughness", &material.roughness)?);
-        }
-        match material.bsdf {
-            Bsdf::MetallicRoughness => config.metallic = number("metallic", &material.metallic)?,
-            Bsdf::Conductor => {
-                let least = |p: &Parameter<3>| Ok(p.values()?.map(|x| x.max(LEAST)));
-                config.conductor = Some([least(&material.eta)?, least(&material.extinction)?]);
-            }
-            Bsdf::Dielectric => config.ior = Some(number("ior", &material.ior)?),
-            bsdf => {
-                let object = format!("material {}", material.name);
-                let expected = "a BSDF that has trainable parameters";
-                let found = format!("{bsdf:?}");
-                Error::unless(bsdf == Bsdf::Phong, &object, "bsdf", found, expected)?;
-                if material.specular.reflects() {
-                    let [shininess] = material.shininess.values()?;
-                    config = config
-                        .with_specular(Some(colour("specular", &material.specular)?))
-                        .with_shininess(shininess);
+        let least = |p: &Parameter<3>| Ok::<_, Error>(p.values()?.map(|x| x.max(LEAST)));
+        let mut config = MaterialParamsConfig::new();
+        match &material.bsdf {
+            Bsdf::Phong {
+                diffuse,
+                specular,
+                shininess,
+            } => {
+                config.diffuse = colour("diffuse", diffuse)?;
+                if specular.reflects() {
+                    config.specular = Some(colour("specular", specular)?);
+                    [config.shininess] = shininess.values()?;
                 }
+            }
+            Bsdf::MetallicRoughness {
+                base_color,
+                metallic,
+                roughness,
+                ..
+            } => {
+                config.diffuse = colour("base_color", base_color)?;
+                config.metallic = number("metallic", metallic)?;
+                config.roughness = Some(number("roughness", roughness)?);
+            }
+            Bsdf::Conductor {
+                eta,
+                extinction,
+                roughness,
+                ..
+            } => {
+                config.diffuse = [0.0; 3];
+                config.conductor = Some([least(eta)?, least(extinction)?]);
+                config.roughness = Some(number("roughness", roughness)?);
+            }
+            Bsdf::Dielectric {
+                tint,
+                ior,
+                roughness,
+                ..
+            } => {
+                config.diffuse = colour("tint", tint)?;
+                config.ior = Some(number("ior", ior)?);
+                config.roughness = Some(number("roughness", roughness)?);
             }
         }
         if material.emits() {
@@ -205,32 +225,35 @@ impl MaterialParams {
     pub fn material(&self) -> Material {
         let shares = softmax(self.shares.val(), 1);
         let part = |i: usize| shares.clone().slice([0..3, i..i + 1]).reshape([3]);
-        let mut material = Material::diffuse(part(0));
-        if let Some(log) = &self.log_shininess {
-            material = material.specular(part(1), positive(log.val()));
-        }
-        if let Some(roughness) = &self.roughness {
-            let roughness = sigmoid(roughness.val());
-            let index = self.log_index.as_ref().map(|log| positive(log.val()));
-            material = match (&self.metallic, index) {
-                (Some(metal), _) => {
-                    Material::metallic_roughness(part(0), sigmoid(metal.val()), roughness)
-                }
-                (None, Some(index)) if index.dims() == [6] => {
-                    let half = |i: usize| index.clone().slice(3 * i..3 * i + 3);
-                    Material::conductor(half(0), half(1), roughness)
-                }
-                (None, Some(index)) => {
-                    let mut glass = Material::dielectric(index + 1.0, roughness);
-                    glass.diffuse = part(0).into();
-                    glass
-                }
-                (None, None) => material,
-            };
-        }
+        let material = match &self.roughness {
+            Some(roughness) => self.facets(part(0), sigmoid(roughness.val())),
+            None => match &self.log_shininess {
+                Some(log) => Material::phong(part(0), part(1), positive(log.val())),
+                None => Material::diffuse(part(0)),
+            },
+        };
         match &self.log_emission {
             Some(log) => material.emission(positive(log.val())),
             None => material,
+        }
+    }
+
+    /// The material of facets with a base color or a tint.
+    fn facets(&self, base: Tensor<1>, roughness: Tensor<1>) -> Material {
+        let index = self.log_index.as_ref().map(|log| positive(log.val()));
+        match (&self.metallic, index) {
+            (Some(metal), _) => Material::metallic_roughness(base, sigmoid(metal.val()), roughness),
+            (None, Some(index)) if index.dims() == [6] => {
+                let half = |i: usize| index.clone().slice(3 * i..3 * i + 3);
+                Material::conductor(half(0), half(1), roughness)
+            }
+            (None, Some(index)) => Material::new(Bsdf::Dielectric {
+                tint: base.into(),
+                ior: (index + 1.0).into(),
+                roughness: roughness.into(),
+                compensated: true,
+            }),
+            (None, None) => Material::diffuse(base),
         }
     }
 }

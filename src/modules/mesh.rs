@@ -5,9 +5,12 @@ use burn::tensor::Tensor;
 
 use crate::scene::{CornerAttribute, Mesh};
 
-/// A mesh with free vertices. Faces, texture coordinates, shading normals, colours and tangents are those of the mesh that
-/// it was made from; they are constant, so shading normals and tangents don't follow the vertices: leave them out
-/// (`normals: None`) where the shape changes much, or let [`Mesh::smooth_normals`] of the mesh follow them.
+/// A mesh with trained vertices.
+///
+/// Faces, texture coordinates, shading normals, colors and tangents come from the mesh passed to
+/// [`MeshParams::from_mesh`] and are constant. Shading normals and tangents therefore do not follow the
+/// vertices. If the shape changes much, omit them (`normals: None`), or recompute the normals with
+/// [`Mesh::smooth_normals`].
 ///
 /// ```
 /// use burn::module::Module;
@@ -27,7 +30,7 @@ pub struct MeshParams {
 }
 
 impl MeshParams {
-    /// Parameters that begin with the vertices of a mesh, on their device and in their float type.
+    /// Creates parameters with the vertices of a mesh, on their device and in their float type.
     pub fn from_mesh(mesh: &Mesh) -> Self {
         Self {
             vertices: Param::from_tensor(mesh.vertices.clone().detach()),
@@ -35,14 +38,15 @@ impl MeshParams {
         }
     }
 
-    /// The mesh, in the graph of the vertices.
+    /// Returns the mesh, in the graph of the vertices.
     pub fn mesh(&self) -> Mesh {
         self.template.mesh(self.vertices.val())
     }
 }
 
-/// A mesh whose vertices are those of another, which are constant, plus offsets, which are trained: weight
-/// decay or a penalty on the offsets pulls towards the mesh that it was made from. Otherwise like
+/// A mesh with trained offsets from constant vertices.
+///
+/// Weight decay or a penalty on the offsets pulls the mesh towards its initial shape. Otherwise it is like
 /// [`MeshParams`].
 ///
 /// ```
@@ -55,14 +59,14 @@ impl MeshParams {
 /// ```
 #[derive(Module)]
 pub struct MeshOffsets {
-    /// Offsets `[V, 3]` from the mesh that it was made from, scene units; 0 to begin with.
+    /// Offsets `[V, 3]` from the initial vertices, scene units; 0 at the start.
     pub offsets: Param<Tensor<2>>,
     rest: Tensor<2>,
     template: Template,
 }
 
 impl MeshOffsets {
-    /// About the vertices of a mesh, on their device and in their float type.
+    /// Creates offsets of 0 from the vertices of a mesh, on their device and in their float type.
     pub fn from_mesh(mesh: &Mesh) -> Self {
         let rest = mesh.vertices.clone().detach();
         Self {
@@ -72,7 +76,7 @@ impl MeshOffsets {
         }
     }
 
-    /// The mesh, in the graph of the offsets.
+    /// Returns the mesh, in the graph of the offsets.
     pub fn mesh(&self) -> Mesh {
         let offsets = self.offsets.val();
         let rest = self.rest.clone().cast(offsets.dtype());
@@ -80,12 +84,12 @@ impl MeshOffsets {
     }
 }
 
-/// The constant parts of a mesh whose vertices are trained: tensors go where the module goes.
+/// The constant parts of a mesh with trained vertices. The tensors move between devices with the module.
 #[derive(Module, Debug)]
 struct Template {
-    /// Texture coordinates, normals, colours and tangents.
+    /// Texture coordinates, normals, colors and tangents.
     attributes: [Option<Tensor<2>>; 4],
-    /// Those of positions, then of the attributes.
+    /// Indices of the faces into the positions, then into each attribute.
     #[module(skip)]
     faces: [Arc<Vec<[u32; 3]>>; 5],
 }
@@ -101,7 +105,8 @@ impl Template {
         }
     }
 
-    /// Constants take the float type of the vertices, which a file may have changed.
+    /// Builds the mesh. Constants are cast to the float type of the vertices, which a loaded file may have
+    /// changed.
     fn mesh(&self, vertices: Tensor<2>) -> Mesh {
         let dtype = vertices.dtype();
         let [faces, of_attributes @ ..] = &self.faces;

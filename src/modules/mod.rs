@@ -1,13 +1,14 @@
-//! Parts of scenes as burn modules: parameters that optimisers, records and files know, a renderer and a loss.
+//! Parts of scenes as burn modules, with parameters for optimizers, records and files; a renderer and a loss.
 //!
 //! Each type turns its parameters into a part of a [`Scene`](crate::scene::Scene): [`MeshParams`] and
 //! [`MeshOffsets`] into a mesh, [`RigidTransform`] into a transform, [`CameraParams`] into a camera,
 //! [`TextureParams`] into an albedo, [`EnvironmentParams`] into an environment, [`MaterialParams`] into a
-//! material. What has a range is kept in it by what the parameter means (a logarithm, a logit), so that
-//! no step of an optimiser leads out of it.
+//! material. A value with a range is stored as a logarithm or a logit, so no step of an optimizer leaves the
+//! range.
 //!
-//! They are like burn's own modules: on a device with autodiff their parameters are trained; on a plain
-//! one they are once `.train()` was called. They can be fields of a module, frozen, saved and loaded:
+//! They behave like burn's own modules. On a device with autodiff their parameters are trained. On a device
+//! without autodiff they are trained after a call of `.train()`. The modules can be fields of another module,
+//! frozen, saved and loaded:
 //!
 //! ```
 //! use burn::module::Module;
@@ -48,10 +49,10 @@
 //! # Ok::<(), softray::Error>(())
 //! ```
 //!
-//! Records and files hold the parameters alone: what is constant (faces, texture coordinates, the form of
-//! a rotation) comes from the module that they are loaded into, and its parameters must have the shapes
-//! of those that were saved. `save_file` and `try_load_file` of burn's `Module` write and read burnpack,
-//! `save_safetensors` and `load_safetensors` here (feature `safetensors`) the format that other frameworks read as well.
+//! Records and files contain only the parameters. Constants (faces, texture coordinates, the form of a
+//! rotation) come from the module into which they are loaded. Its parameters must have the same shapes as the
+//! saved ones. `save_file` and `try_load_file` of burn's `Module` write and read burnpack. `save_safetensors`
+//! and `load_safetensors` of this module (feature `safetensors`) use a format that other frameworks also read.
 
 mod camera;
 mod debug;

@@ -4,8 +4,8 @@ use crate::error::Result;
 use crate::render::{Batch, Image, ImageBatch, RenderOptions, render, render_batch};
 use crate::scene::{Camera, Scene};
 
-/// [`render()`] with options that were checked; a module without parameters, so that it can be a field
-/// of one.
+/// [`render()`] with checked options, as a module without parameters, so that it can be a field of another
+/// module.
 #[derive(Module, Debug)]
 pub struct Renderer {
     #[module(skip)]
@@ -13,8 +13,10 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// A renderer with these options. Their seed is the renderer's: it is combined with that of each render, so
-    /// that renderers with different ones have different random numbers for the same seed of a render.
+    /// Creates a renderer with these options.
+    ///
+    /// The options' seed is combined with the seed of each render. Renderers with different seeds therefore use
+    /// different random numbers for the same seed of a render.
     ///
     /// # Errors
     /// If an option is out of its range.
@@ -23,23 +25,23 @@ impl Renderer {
         Ok(Self { options })
     }
 
-    /// The options.
+    /// Returns the options.
     pub fn options(&self) -> &RenderOptions {
         &self.options
     }
 
-    /// Sets the blur ([`RenderOptions::blur`]), for one that falls over the steps of a fit.
+    /// Sets the blur ([`RenderOptions::blur`]), for example in a fit whose blur falls over the steps.
     ///
     /// # Errors
-    /// If it is out of its range.
+    /// If the blur is out of its range.
     pub fn with_blur(mut self, blur: f64) -> Result<Self> {
         self.options = self.options.blur(blur);
         self.options.check()?;
         Ok(self)
     }
 
-    /// Renders an image in the graph of the tensors of scene and camera. The same seed gives the same image;
-    /// use another one in every step of a training.
+    /// Renders an image in the graph of the scene's and the camera's tensors. The same seed gives the same
+    /// image; use a different seed at every training step.
     ///
     /// # Errors
     /// Like [`render()`].
@@ -47,7 +49,7 @@ impl Renderer {
         render(scene, camera, &self.seeded(seed))
     }
 
-    /// The images of a batch, `[B, H, W, 3]`; see [`render_batch`].
+    /// Renders the images of a batch, `[B, H, W, 3]`; see [`render_batch`].
     ///
     /// # Errors
     /// Like [`render_batch`].
@@ -55,7 +57,7 @@ impl Renderer {
         render_batch(batch, &self.seeded(seed))
     }
 
-    /// Two renders of a batch with independent seeds, as [`Renderer::pair`].
+    /// Renders a batch twice with independent seeds, like [`Renderer::pair`].
     ///
     /// # Errors
     /// Like [`render_batch`].
@@ -67,8 +69,8 @@ impl Renderer {
         ])
     }
 
-    /// Two images with independent seeds, 2·seed and 2·seed + 1: a loss that multiplies them is not
-    /// biased by noise ([`mse_unbiased`](crate::loss::mse_unbiased)).
+    /// Renders two images with independent seeds, 2·seed and 2·seed + 1. Noise does not bias a loss that
+    /// multiplies them ([`mse_unbiased`](crate::loss::mse_unbiased)).
     ///
     /// # Errors
     /// Like [`render()`].
@@ -80,7 +82,7 @@ impl Renderer {
         ])
     }
 
-    /// The options of a render, whose seed is its own if the renderer's is 0.
+    /// Returns the options of a render. If the renderer's seed is 0, the seed is `render`.
     fn seeded(&self, render: u64) -> RenderOptions {
         let options = self.options.clone();
         let seed = options.seed.rotate_left(32) ^ render;

@@ -13,9 +13,10 @@ use burn::tensor::{DType, Tensor};
 
 use crate::error::{Error, Result};
 
-/// Writes the parameters of a module to a safetensors file, whole or not at all: a file that is there
-/// is replaced when the new one is complete. Their names are those of the module's fields, with dots
-/// between.
+/// Writes the parameters of a module to a safetensors file.
+///
+/// The file is written completely or not at all: an existing file is replaced once the new one is complete. The
+/// names of the parameters are the paths of the module's fields, separated by dots.
 ///
 /// ```
 /// use softray::modules::{RigidTransform, load_safetensors, save_safetensors};
@@ -31,24 +32,24 @@ use crate::error::{Error, Result};
 /// ```
 ///
 /// # Errors
-/// If a parameter can't be read back from its device, or the file can't be written.
+/// If a parameter cannot be read back from its device, or the file cannot be written.
 pub fn save_safetensors<M: Module>(module: &M, path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
     let mut store = SafetensorsStore::from_file(path).overwrite(true);
     module.save_into(&mut store).map_err(|e| failed(path, e))
 }
 
-/// Loads the parameters of a safetensors file into a module, on its device and in its float types. Parameters that were
-/// trained stay trained, and frozen ones stay frozen.
+/// Loads the parameters of a safetensors file into a module, on its device and in its float types. Trained
+/// parameters stay trained, and frozen parameters stay frozen.
 ///
 /// # Errors
-/// If the file can't be read, or its parameters are not those of the module: one is missing, is in the
-/// file alone, or has another shape or kind.
+/// If the file cannot be read, or its parameters do not match the module: a parameter is missing, exists only
+/// in the file, or has another shape or kind.
 pub fn load_safetensors<M: Module>(module: M, path: impl AsRef<Path>) -> Result<M> {
     let (path, mut module) = (path.as_ref(), module);
     let mut types = FloatTypes::default();
     module.visit(&mut types);
-    // What does not fit is reported below, each by its name.
+    // Mismatches are reported below, by the name of the parameter.
     let mut store = SafetensorsStore::from_file(path)
         .validate(false)
         .allow_partial(true)
@@ -113,8 +114,8 @@ fn failed(path: &Path, error: SafetensorsStoreError) -> Error {
     }
 }
 
-/// The float types of a module's parameters by name, which those of a file are brought to: a device may
-/// not have that of the file.
+/// The float types of a module's parameters by name. The file's parameters are cast to them, because a device
+/// may not support the file's types.
 #[derive(Clone, Default)]
 struct FloatTypes {
     path: Vec<String>,
@@ -132,7 +133,7 @@ impl ModuleVisitor for FloatTypes {
 
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let dtype = param.base().dtype();
-        // Quantised ones are not floats to convert to.
+        // Quantized parameters are not floats, so they are not cast.
         if dtype.is_float() {
             self.of.insert(self.path.join("."), dtype);
         }

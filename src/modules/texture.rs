@@ -7,16 +7,16 @@ use crate::error::{Error, Result};
 use crate::geometry::host_values;
 #[cfg(doc)]
 use crate::scene::Material;
-use crate::scene::{Albedo, Environment, Range, Wrap};
+use crate::scene::{ColorTexture, Environment, Range, Wrap};
 
-/// Texels begin this far from 0 and 1, where a logit has no gradient.
+/// The least initial distance of texels from 0 and 1, where a logit has no gradient.
 const MARGIN: f64 = 1e-3;
-/// Radiance begins with at least this, which has a logarithm.
+/// The least initial radiance, because 0 has no logarithm.
 const LEAST_RADIANCE: f64 = 1e-3;
-/// Slopes of a normal map begin with at most this.
+/// The largest initial slope of a normal map.
 const STEEPEST: f64 = 10.0;
 
-/// A texture whose texels stay between 0 and 1: they are the logistic function of the parameters.
+/// A texture whose texels stay between 0 and 1: a texel is the logistic function of its parameter.
 ///
 /// ```
 /// use softray::modules::TextureParams;
@@ -27,23 +27,23 @@ const STEEPEST: f64 = 10.0;
 /// ```
 #[derive(Module)]
 pub struct TextureParams {
-    /// Logits ln(a/(1 − a)) of the texels, `[H, W, 3]`.
+    /// Logits ln(a/(1 − a)) of the texels a, `[H, W, 3]`.
     pub logits: Param<Tensor<3>>,
 }
 
 impl TextureParams {
-    /// A texture of height × width texels of 0.5, in the device's default float type.
+    /// Creates a texture of height × width texels of 0.5, in the device's default float type.
     pub fn grey(height: usize, width: usize, device: &Device) -> Self {
         Self {
             logits: leaf(vec![0.0; height * width * 3], [height, width, 3], device),
         }
     }
 
-    /// Parameters that begin with the texels of an image `[H, W, 3]`, on its device and in its float type. Those
-    /// within 1e-3 of 0 or 1 begin at that distance.
+    /// Creates parameters with the texels of an image `[H, W, 3]`, on its device and in its float type. Texels
+    /// within 1e-3 of 0 or 1 start at that distance.
     ///
     /// # Errors
-    /// If the shape is another, a value is outside of [0, 1], or the image can't be read.
+    /// If the shape differs, a value is outside of [0, 1], or the image cannot be read.
     pub fn from_image(image: Tensor<3>) -> Result<Self> {
         check_map("texture", &image, Range::Share)?;
         let texels = image.detach().clamp(MARGIN, 1.0 - MARGIN);
@@ -53,20 +53,20 @@ impl TextureParams {
         })
     }
 
-    /// The texels `[H, W, 3]`, in the graph of the parameters.
+    /// Returns the texels `[H, W, 3]`, in the graph of the parameters.
     pub fn texels(&self) -> Tensor<3> {
         sigmoid(self.logits.val())
     }
 
-    /// The albedo, in the graph of the parameters.
-    pub fn albedo(&self, wrap: Wrap) -> Albedo {
+    /// Returns the albedo, in the graph of the parameters.
+    pub fn albedo(&self, wrap: Wrap) -> ColorTexture {
         let texels = self.texels();
-        Albedo::Texture { texels, wrap }
+        ColorTexture::Texture { texels, wrap }
     }
 }
 
-/// A normal map whose normals stay on the outer side of the surface: the parameters are slopes, and a texel is
-/// (x, y, 1), made of unit length.
+/// A normal map whose normals stay on the outer side of the surface. The parameters are slopes. A texel is
+/// (x, y, 1), normalized.
 ///
 /// ```
 /// use softray::modules::NormalMapParams;
@@ -77,23 +77,24 @@ impl TextureParams {
 /// ```
 #[derive(Module)]
 pub struct NormalMapParams {
-    /// Tangents of the angles by which the normal is tilted along increasing u and v, `[H, W, 2]`.
+    /// Tangents of the angles by which the normal is tilted along increasing u and along increasing v,
+    /// `[H, W, 2]`.
     pub slopes: Param<Tensor<3>>,
 }
 
 impl NormalMapParams {
-    /// A map of height × width texels that tilts nothing, in the device's default float type.
+    /// Creates a map of height × width texels without tilt, in the device's default float type.
     pub fn flat(height: usize, width: usize, device: &Device) -> Self {
         Self {
             slopes: leaf(vec![0.0; height * width * 2], [height, width, 2], device),
         }
     }
 
-    /// Parameters that begin with the texels of a map `[H, W, 3]` in [−1, 1] (see [`Material::normal_map`]), on its
-    /// device and in its float type. Those that tilt by more than 84° begin there.
+    /// Creates parameters with the texels of a map `[H, W, 3]` in [−1, 1] (see [`Material::normal_map`]), on
+    /// its device and in its float type. Slopes beyond ±10 (a tilt of 84° along an axis) start at ±10.
     ///
     /// # Errors
-    /// If the shape is another, a value is not finite, or the map can't be read.
+    /// If the shape differs, a value is not finite, or the map cannot be read.
     pub fn from_map(map: Tensor<3>) -> Result<Self> {
         check_map("normal map", &map, Range::Finite)?;
         let texels = map.detach();
@@ -104,7 +105,7 @@ impl NormalMapParams {
         })
     }
 
-    /// The texels `[H, W, 3]`, of unit length, in the graph of the parameters.
+    /// Returns the texels `[H, W, 3]`, of unit length, in the graph of the parameters.
     pub fn texels(&self) -> Tensor<3> {
         let slopes = self.slopes.val();
         let up = slopes.ones_like().narrow(2, 0, 1);
@@ -114,8 +115,8 @@ impl NormalMapParams {
     }
 }
 
-/// An environment map whose radiance stays more than 0 and has no upper bound: the parameters are its
-/// logarithms.
+/// An environment map whose radiance stays more than 0: the parameters are its logarithms. Logarithms beyond
+/// ±30 count as ±30.
 ///
 /// ```
 /// use softray::modules::EnvironmentParams;
@@ -132,10 +133,10 @@ pub struct EnvironmentParams {
 }
 
 impl EnvironmentParams {
-    /// A map of one radiance, > 0, with height × width texels, in the device's default float type.
+    /// Creates a map of height × width texels with the same radiance, > 0, in the device's default float type.
     ///
     /// # Errors
-    /// If the radiance is not a number > 0, or there are no texels.
+    /// If the radiance is not a finite number > 0, or there are no texels.
     pub fn uniform(height: usize, width: usize, radiance: f64, device: &Device) -> Result<Self> {
         if height == 0 || width == 0 {
             let size = format!("{height} × {width}");
@@ -149,11 +150,11 @@ impl EnvironmentParams {
         })
     }
 
-    /// Parameters that begin with a map of radiance `[H, W, 3]` (see [`Environment::Map`]), on its device and in
-    /// its float type. Texels under 1e-3 begin at 1e-3.
+    /// Creates parameters with a map of radiance `[H, W, 3]` (see [`Environment::Map`]), on its device and in
+    /// its float type. Values less than 1e-3 start at 1e-3.
     ///
     /// # Errors
-    /// If the shape is another, a value is not a number ≥ 0, or the map can't be read.
+    /// If the shape differs, a value is not a finite number ≥ 0, or the map cannot be read.
     pub fn from_map(map: Tensor<3>) -> Result<Self> {
         check_map("environment", &map, Range::NotNegative)?;
         let logs = map.detach().clamp_min(LEAST_RADIANCE).log();
@@ -162,12 +163,12 @@ impl EnvironmentParams {
         })
     }
 
-    /// Radiance `[H, W, 3]`, in the graph of the parameters.
+    /// Returns the radiance `[H, W, 3]`, in the graph of the parameters.
     pub fn texels(&self) -> Tensor<3> {
         positive(self.logs.val())
     }
 
-    /// The environment, in the graph of the parameters.
+    /// Returns the environment, in the graph of the parameters.
     pub fn environment(&self) -> Environment {
         Environment::map(self.texels())
     }

@@ -8,29 +8,29 @@ use crate::scene::{Mesh, Range, Transform};
 
 const OBJECT: &str = "rigid transform";
 
-/// The numbers that a rotation is made of.
+/// The parameterization of a rotation.
 #[derive(Config, Debug, Copy, PartialEq, Eq)]
 pub enum RotationForm {
-    /// The first two columns of its matrix `[6]`, made orthonormal (Zhou et al. 2019): continuous over all
-    /// rotations, which optimisers and networks like.
+    /// The first two columns of the rotation matrix `[6]`, made orthonormal (Zhou et al. 2019). This form
+    /// is continuous over all rotations, which suits optimizers and networks.
     SixD,
-    /// A quaternion `[4]` in the order (w, x, y, z), made of unit length.
+    /// A quaternion `[4]` in the order (w, x, y, z), normalized.
     Quaternion,
 }
 
-/// Makes a [`RigidTransform`]: an identity.
+/// The configuration of a [`RigidTransform`], which starts as the identity.
 #[derive(Config, Debug)]
 pub struct RigidTransformConfig {
-    /// The numbers that the rotation is made of.
+    /// The parameterization of the rotation; [`RotationForm::SixD`] by default.
     #[config(default = "RotationForm::SixD")]
     pub rotation: RotationForm,
-    /// Whether the transform has a uniform scale.
+    /// Whether the transform has a uniform scale; false by default.
     #[config(default = false)]
     pub scale: bool,
 }
 
 impl RigidTransformConfig {
-    /// The identity, in the device's default float type.
+    /// Creates the identity, in the device's default float type.
     pub fn init(&self, device: &Device) -> RigidTransform {
         let rotation = match self.rotation {
             RotationForm::SixD => vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
@@ -45,7 +45,7 @@ impl RigidTransformConfig {
     }
 }
 
-/// Rotation about the origin, then translation; a uniform scale before them, where there is one.
+/// A rotation about the origin, then a translation, with an optional uniform scale before both.
 ///
 /// ```
 /// use softray::modules::RigidTransformConfig;
@@ -63,21 +63,22 @@ impl RigidTransformConfig {
 /// ```
 #[derive(Module)]
 pub struct RigidTransform {
-    /// Six numbers or a quaternion, see [`RotationForm`]; their length does not matter.
+    /// Six numbers or a quaternion, see [`RotationForm`]. Their length has no effect on the rotation.
     pub rotation: Param<Tensor<1>>,
-    /// `[3]`, scene units.
+    /// The translation `[3]`, scene units.
     pub translation: Param<Tensor<1>>,
-    /// ln of the scale, `[1]`.
+    /// ln of the scale, `[1]`. Values beyond ±30 count as ±30.
     pub log_scale: Option<Param<Tensor<1>>>,
 }
 
 impl RigidTransform {
-    /// The identity without scale, its rotation in six numbers, in the device's default float type.
+    /// Creates the identity without a scale, with the rotation as six numbers, in the device's default float
+    /// type.
     pub fn new(device: &Device) -> Self {
         RigidTransformConfig::new().init(device)
     }
 
-    /// The form of its rotation.
+    /// Returns the parameterization of the rotation.
     pub fn form(&self) -> RotationForm {
         if self.rotation.lazy_shape().num_elements() == 4 {
             RotationForm::Quaternion
@@ -86,7 +87,7 @@ impl RigidTransform {
         }
     }
 
-    /// Sets the rotation by an angle in radians about an axis of any length but 0.
+    /// Sets the rotation to an angle in radians about an axis of any length except 0.
     ///
     /// # Errors
     /// If the axis is 0, or a number is not finite.
@@ -99,7 +100,7 @@ impl RigidTransform {
         Ok(self.rotated(glam::DQuat::from_axis_angle(axis, angle)))
     }
 
-    /// Sets the rotation by angles in radians about the axes x, y and z of the scene, in that order.
+    /// Sets the rotation to angles in radians about the axes x, y and z of the scene, applied in that order.
     ///
     /// # Errors
     /// If an angle is not finite.
@@ -109,10 +110,10 @@ impl RigidTransform {
         Ok(self.rotated(rotation))
     }
 
-    /// Sets the rotation by a matrix, given by its rows.
+    /// Sets the rotation to a matrix, given by its rows.
     ///
     /// # Errors
-    /// If its rows are not orthonormal to 1e-4, or it mirrors.
+    /// If its rows are not orthonormal to 1e-4, or the matrix mirrors.
     pub fn with_matrix(self, rows: [[f64; 3]; 3]) -> Result<Self> {
         let matrix = glam::DMat3::from_cols_array_2d(&rows).transpose();
         let off = (matrix * matrix.transpose() - glam::DMat3::IDENTITY).to_cols_array();
@@ -142,7 +143,7 @@ impl RigidTransform {
     /// Sets the scale, > 0.
     ///
     /// # Errors
-    /// If it is not a number > 0, or the transform has none ([`RigidTransformConfig::scale`]).
+    /// If it is not a finite number > 0, or the transform has no scale ([`RigidTransformConfig::scale`]).
     pub fn with_size(mut self, scale: f64) -> Result<Self> {
         Range::Positive.check(OBJECT, "scale", &[scale])?;
         let Some(log) = self.log_scale else {
@@ -166,7 +167,7 @@ impl RigidTransform {
         self
     }
 
-    /// The transform, in the graph of its parameters.
+    /// Returns the transform, in the graph of its parameters.
     pub fn transform(&self) -> Transform {
         let transform = Transform::new().translation(self.translation.val());
         let transform = match self.form() {
@@ -179,7 +180,7 @@ impl RigidTransform {
         }
     }
 
-    /// Applies the transform to a mesh.
+    /// Applies the transform to a mesh and returns the result.
     pub fn apply(&self, mesh: Mesh) -> Mesh {
         mesh.transformed(&self.transform())
     }

@@ -1,13 +1,13 @@
-//! Parameters from numbers, and numbers that stay in their range.
+//! Creation and update of parameters, and functions that keep values in their range.
 
 use burn::module::{Module, ModuleMapper, Param};
 use burn::tensor::{DType, Device, Tensor, TensorData};
 
-/// Logarithms beyond ± this count as this, so that squares of what they mean stay finite in f32.
+/// Logarithms beyond ± this value count as this value, so that squares of the exponentials stay finite in f32.
 const LARGEST_LOG: f64 = 30.0;
 
-/// Casts all float parameters of a module to a float type; their ids and whether they are trained are
-/// kept. Use f64 for exact gradients, on devices that have it.
+/// Casts all float parameters of a module to a float type. Their ids are kept, and trained parameters stay
+/// trained. Use f64 for exact gradients, on devices that support it.
 ///
 /// ```
 /// use softray::modules::{RigidTransform, cast};
@@ -21,7 +21,7 @@ pub fn cast<M: Module>(module: M, dtype: DType) -> M {
         fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
             param.map(|tensor| {
                 let trained = tensor.is_require_grad();
-                // Detached last: what an operation returns is no leaf.
+                // Detached last, because the result of an operation is not a leaf tensor.
                 tensor.cast(self.0).detach().set_require_grad(trained)
             })
         }
@@ -29,7 +29,7 @@ pub fn cast<M: Module>(module: M, dtype: DType) -> M {
     module.map(&mut Cast(dtype))
 }
 
-/// A parameter in the device's default float type.
+/// Creates a parameter in the device's default float type.
 pub(super) fn leaf<const D: usize>(
     values: Vec<f64>,
     shape: [usize; D],
@@ -38,7 +38,8 @@ pub(super) fn leaf<const D: usize>(
     Param::from_tensor(Tensor::from_data(TensorData::new(values, shape), device))
 }
 
-/// Replaces the values of a parameter; its id, shape, device and float type stay, and whether it is trained.
+/// Replaces the values of a parameter. Its id, shape, device and float type stay, and a trained parameter stays
+/// trained.
 pub(super) fn set<const D: usize>(param: Param<Tensor<D>>, values: Vec<f64>) -> Param<Tensor<D>> {
     let (id, old) = (param.id, param.val());
     let data = TensorData::new(values, old.dims());
@@ -46,12 +47,12 @@ pub(super) fn set<const D: usize>(param: Param<Tensor<D>>, values: Vec<f64>) -> 
     param.transform_for_load(new, id)
 }
 
-/// e^x of a logarithm: more than 0 and finite, whatever the parameter.
+/// Returns e^x of a logarithm: more than 0 and finite for any parameter.
 pub(super) fn positive<const D: usize>(log: Tensor<D>) -> Tensor<D> {
     log.clamp(-LARGEST_LOG, LARGEST_LOG).exp()
 }
 
-/// ln(p/(1 − p)).
+/// Returns ln(p/(1 − p)).
 pub(super) fn logit(p: f64) -> f64 {
     (p / (1.0 - p)).ln()
 }

@@ -1,21 +1,21 @@
-//! (I + λL)⁻¹ on the host.
+//! Solves (I + λL)x = b on the host.
 
 use rayon::prelude::*;
 
 use super::connectivity::Connectivity;
 
-/// The residual |b − Ax|/|b| at which a solution is taken.
+/// The relative residual |b − Ax|/|b| at which the solver stops.
 const TOLERANCE: f64 = 1e-10;
 
-/// The matrix A = I + λL of a mesh, with the combinatorial Laplacian L = D − W: D has the numbers
-/// of neighbours on its diagonal, W a 1 for each pair of neighbours. It is symmetric and positive
-/// definite, with eigenvalues from 1 to 1 + 2λ·(most neighbours).
+/// The matrix A = I + λL of a mesh, with the combinatorial Laplacian L = D − W. D has the number of neighbors
+/// of each vertex on its diagonal. W has a 1 for each pair of neighbors. A is symmetric and positive definite.
+/// Its eigenvalues lie between 1 and 1 + 2λ·(largest number of neighbors).
 #[derive(Debug)]
 pub(super) struct Diffusion {
     lambda: f64,
-    /// The diagonal, 1 + λ·(number of neighbours).
+    /// The diagonal, 1 + λ·(number of neighbors).
     diagonal: Vec<f64>,
-    /// Neighbours of vertex i: `list[starts[i]..starts[i + 1]]`.
+    /// Neighbors of vertex i: `list[starts[i]..starts[i + 1]]`.
     list: Vec<u32>,
     starts: Vec<usize>,
 }
@@ -51,7 +51,7 @@ impl Diffusion {
         self.diagonal.len()
     }
 
-    /// A⁻¹b for each column of `b`, `[V, C]` in row-major order.
+    /// Returns A⁻¹b for each column of `b`, `[V, C]` in row-major order.
     pub fn solve(&self, b: &[f64], columns: usize) -> Vec<f64> {
         let column = |c: usize| b.iter().skip(c).step_by(columns).copied().collect();
         let solutions: Vec<Vec<f64>> = (0..columns)
@@ -66,9 +66,9 @@ impl Diffusion {
         x
     }
 
-    /// Conjugate gradients with the diagonal as preconditioner (Shewchuk 1994, *An Introduction to
-    /// the Conjugate Gradient Method Without the Agonizing Pain*, B3), from x = 0: the result
-    /// depends on `b` alone.
+    /// Conjugate gradients with the diagonal as preconditioner (Shewchuk 1994, *An Introduction to the
+    /// Conjugate Gradient Method Without the Agonizing Pain*, B3). The iteration starts from x = 0, so the
+    /// result depends on `b` alone.
     fn solve_column(&self, b: Vec<f64>) -> Vec<f64> {
         let n = self.rows();
         let mut x = vec![0.0; n];
@@ -76,7 +76,7 @@ impl Diffusion {
         if scale == 0.0 {
             return x;
         }
-        // In exact arithmetic n iterations are enough.
+        // In exact arithmetic n iterations suffice.
         let most = (4 * n + 100).min(20_000);
         let mut residual = b;
         let precondition = |r: &[f64]| -> Vec<f64> {

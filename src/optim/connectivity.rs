@@ -1,25 +1,25 @@
-//! Which vertices, edges and faces of a mesh touch, by index.
+//! Connectivity of the vertices, edges and faces of a mesh, by index.
 
 use crate::error::{Error, Result};
 
-/// Edges and pairs of faces of a mesh, in an order that depends on the faces alone.
+/// The edges and pairs of adjacent faces of a mesh, in an order that depends on the faces alone.
 ///
-/// Vertices are the same if their indices are: those of equal position are not welded. A face that
-/// names a vertex twice has no area and no part in this.
+/// Vertices are identified by their index; vertices at the same position are not welded. A face that lists a
+/// vertex twice has no area and is left out.
 #[derive(Clone, Debug)]
 pub(crate) struct Connectivity {
-    /// Rows of the vertices.
+    /// Vertex indices of each face, without faces that list a vertex twice.
     pub faces: Vec<[u32; 3]>,
-    /// Each edge once, the lesser index first, ascending.
+    /// Each edge once, sorted; the smaller vertex index comes first.
     pub edges: Vec<[u32; 2]>,
-    /// For each face the rows of `edges` opposite to its corners.
+    /// For each face the indices into `edges` of the edges opposite to its corners.
     pub opposite: Vec<[u32; 3]>,
-    /// For each edge of exactly two faces: its ends, and the third vertices of the faces.
+    /// For each edge with exactly two faces: the two ends, then the third vertex of each face.
     pub hinges: Vec<[u32; 4]>,
 }
 
 impl Connectivity {
-    /// The connectivity of the faces of a mesh of `vertices` vertices.
+    /// Returns the connectivity of the faces of a mesh with `vertices` vertices.
     ///
     /// # Errors
     /// If no face has three different vertices, or an index is out of range.
@@ -41,7 +41,7 @@ impl Connectivity {
         );
         Error::unless(!faces.is_empty(), object, "faces", found, expected)?;
 
-        // The sides of the faces, sorted: those of one edge follow each other.
+        // The sides of all faces, sorted, so that the sides of one edge are adjacent.
         let mut sides: Vec<([u32; 2], usize, usize)> = Vec::with_capacity(3 * faces.len());
         for (f, face) in faces.iter().enumerate() {
             for corner in 0..3 {
@@ -71,7 +71,7 @@ impl Connectivity {
         })
     }
 
-    /// The number of neighbours of each vertex.
+    /// Returns the number of neighbors of each vertex.
     pub fn degrees(&self, vertices: usize) -> Vec<u32> {
         let mut degrees = vec![0; vertices];
         for &v in self.edges.iter().flatten() {

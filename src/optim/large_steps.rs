@@ -1,4 +1,4 @@
-//! Steps of vertices that keep a mesh smooth.
+//! An optimizer whose vertex updates keep a mesh smooth.
 
 use std::fmt;
 use std::sync::Arc;
@@ -12,19 +12,19 @@ use crate::error::{Error, Result};
 use crate::geometry::{Context, host_values};
 use crate::scene::Mesh;
 
-/// The name of errors.
+/// The object name in error messages.
 const OBJECT: &str = "large steps";
 
 /// The settings of [`LargeSteps`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct LargeStepsConfig {
-    /// λ of I + λL, at least 0: the larger, the smoother the steps; 0 leaves gradients as they are.
+    /// λ of I + λL, at least 0. A larger value gives smoother steps; 0 leaves gradients unchanged.
     pub lambda: f64,
-    /// The share that the mean of gradients keeps at every step, in [0, 1).
+    /// β₁, the decay factor of the mean of gradients, in [0, 1).
     pub beta_1: f64,
-    /// The share that the mean of squared gradients keeps at every step, in [0, 1).
+    /// β₂, the decay factor of the mean of squared gradients, in [0, 1).
     pub beta_2: f64,
-    /// Added to the root of the largest mean of squared gradients, more than 0.
+    /// ε, added to the square root of the largest mean of squared gradients, more than 0.
     pub epsilon: f64,
 }
 
@@ -47,8 +47,8 @@ impl LargeStepsConfig {
         self
     }
 
-    /// Sets λ = α/(1 − α), for α in [0, 1): (1 − α)I + αL is (1 − α)(I + λL). The default λ is that
-    /// of α = 0.95. That form's learning rates are 1 − α times those for I + λL.
+    /// Sets λ = α/(1 − α), for α in [0, 1), since (1 − α)I + αL = (1 − α)(I + λL). The default λ corresponds to
+    /// α = 0.95. A learning rate for (1 − α)I + αL is 1 − α times the equivalent learning rate for I + λL.
     pub fn alpha(self, alpha: f64) -> Self {
         self.lambda(alpha / (1.0 - alpha))
     }
@@ -76,29 +76,31 @@ impl LargeStepsConfig {
     }
 }
 
-/// An optimiser for the vertices of a mesh, a parameter `[V, 3]`: Nicolet, Jacobson and Jakob 2021,
-/// *Large Steps in Inverse Rendering of Geometry*.
+/// An optimizer for the vertices `[V, 3]` of a mesh: Nicolet, Jacobson and Jakob 2021, *Large Steps in Inverse
+/// Rendering of Geometry*.
 ///
-/// A gradient from an image is rough: it is large on silhouettes, noisy, and 0 on what the camera
-/// doesn't see. Steps along it tangle a mesh. Here steps are taken in u = (I + λL)v, L the
-/// combinatorial Laplacian of the mesh, in which a step of one entry moves vertices around it as
-/// well (with the paper's optimiser AdamUniform):
+/// The gradient of an image loss is rough: it is large on silhouettes, noisy, and 0 on surfaces that the camera
+/// does not see. Steps along it tangle a mesh. This optimizer takes steps in u = (I + λL)v, where L is the
+/// combinatorial Laplacian of the mesh. A step of one entry of u also moves the vertices around it. The update
+/// is the paper's AdamUniform:
 ///
 /// - gᵤ = (I + λL)⁻¹ gᵥ
 /// - m ← β₁m + (1 − β₁)gᵤ,  s ← β₂s + (1 − β₂)gᵤ²
 /// - d = m̂/(√max ŝ + ε), where m̂ = m/(1 − β₁ᵗ), ŝ = s/(1 − β₂ᵗ)
 /// - v ← v − lr·(I + λL)⁻¹ d
 ///
-/// The largest ŝ of all entries in place of each entry's own keeps the direction of m̂: Adam's would
-/// undo the smoothing. Moving a whole mesh is not slowed, as L of a constant is 0: `lr` is about the
-/// most, in scene units, that a vertex moves in a step, and can be far larger than Adam's.
+/// The denominator uses the largest ŝ of all entries. Adam divides each entry by its own ŝ, which changes the
+/// direction of m̂ and undoes the smoothing. A translation of the whole mesh is not slowed, because L of a
+/// constant is 0. `lr` is about the largest distance, in scene units, that a vertex moves in a step; it can be
+/// far larger than for Adam.
 ///
-/// Any parameter whose first axis is V long is treated so, each column by itself; others (such as
-/// `[B, V, 3]`) take AdamUniform without the matrix. Make a batch of meshes one mesh of disjoint
-/// parts, or give large textures to another optimiser by `ModuleOptimizer::with_group`. All is
-/// computed on the host in f64, the matrix by conjugate gradients to a relative residual of 1e-10;
-/// a warning is logged if they don't converge. A step whose gradient can't be read or isn't finite
-/// is left out, with a warning.
+/// The matrix applies to every parameter whose first axis has length V, to each column by itself. Other
+/// parameters (such as `[B, V, 3]`) use AdamUniform without the matrix. For a batch of meshes, build one mesh
+/// of disjoint parts. Give large textures to another optimizer with `ModuleOptimizer::with_group`.
+///
+/// The optimizer runs on the host in f64. It solves with the matrix by conjugate gradients to a relative
+/// residual of 1e-10, and logs a warning if they do not converge. It skips a step, with a warning, if the
+/// gradient cannot be read or is not finite.
 ///
 /// ```
 /// use burn::module::Param;
@@ -123,14 +125,14 @@ pub struct LargeSteps {
     matrix: Arc<Diffusion>,
 }
 
-/// The moments of a parameter. They live on the host in f64, so that a record holds them exactly.
+/// The moments of a parameter. They are stored on the host in f64, so a record holds them exactly.
 #[derive(Clone, PartialEq)]
 pub struct LargeStepsState {
-    /// Steps taken.
+    /// The number of steps taken.
     time: usize,
-    /// m, as many as the parameter has entries.
+    /// m, one number per entry of the parameter.
     moment_1: Vec<f64>,
-    /// s, as many as the parameter has entries.
+    /// s, one number per entry of the parameter.
     moment_2: Vec<f64>,
 }
 
@@ -153,11 +155,11 @@ impl fmt::Debug for LargeStepsState {
 }
 
 impl LargeSteps {
-    /// An optimiser for meshes of these faces and `vertices` vertices.
+    /// Creates an optimizer for meshes with these faces and `vertices` vertices.
     ///
     /// # Errors
-    /// If no face has three different vertices, an index is out of range, or a value of the
-    /// configuration is.
+    /// If no face has three different vertices, an index is out of range, or a value of the configuration is
+    /// out of range.
     pub fn new(faces: &[[u32; 3]], vertices: usize, config: &LargeStepsConfig) -> Result<Self> {
         config.check()?;
         let connectivity = Connectivity::new(OBJECT, faces, vertices)?;
@@ -168,18 +170,18 @@ impl LargeSteps {
         })
     }
 
-    /// An optimiser for a mesh.
+    /// Creates an optimizer for a mesh.
     ///
     /// # Errors
-    /// As [`LargeSteps::new`].
+    /// Like [`LargeSteps::new`].
     pub fn from_mesh(mesh: &Mesh, config: &LargeStepsConfig) -> Result<Self> {
         Self::new(&mesh.faces, mesh.vertices.dims()[0], config)
     }
 
-    /// (I + λL)⁻¹ of each column of a tensor `[V, C]`, as a constant: it records no graph.
+    /// Returns (I + λL)⁻¹ of each column of a tensor `[V, C]`, as a constant outside of any graph.
     ///
     /// # Errors
-    /// If the first axis is not V long, a value is not finite, or values can't be read from the
+    /// If the first axis does not have length V, a value is not finite, or the values cannot be read from the
     /// device.
     pub fn precondition(&self, values: Tensor<2>) -> Result<Tensor<2>> {
         let [rows, columns] = values.dims();
@@ -191,7 +193,7 @@ impl LargeSteps {
         Ok(constant(&values, &solved))
     }
 
-    /// The step without `lr`, row-major, and the moments after it.
+    /// Returns d, or (I + λL)⁻¹ d where the matrix applies, in row-major order, and the moments after the step.
     fn direction<const D: usize>(
         &self,
         gradient: &Tensor<D>,
@@ -230,7 +232,7 @@ impl LargeSteps {
 }
 
 impl LargeStepsState {
-    /// Takes in a gradient; returns d/m.
+    /// Updates the moments with a gradient and returns the factor d/m.
     fn advance(&mut self, gradient: &[f64], config: &LargeStepsConfig) -> f64 {
         let (b1, b2) = (config.beta_1, config.beta_2);
         self.time += 1;
@@ -275,7 +277,7 @@ impl Optimizer for LargeSteps {
     }
 }
 
-// By hand: burn's derive names paths of its own crate.
+// Written by hand, because burn's derive macro uses paths of burn's own crate.
 impl RecordState for LargeStepsState {
     fn state_flatten(&self, prefix: &str, out: &mut StateSink) {
         out.push_scalar(prefix, "time", self.time.into());
@@ -297,7 +299,7 @@ impl RecordState for LargeStepsState {
     }
 }
 
-/// The values on the host, all of them finite.
+/// Reads the values back to the host; an error if one is not finite.
 fn finite<const D: usize>(values: &Tensor<D>) -> Result<Vec<f64>> {
     let host = host_values(values)?;
     match host.iter().position(|v| !v.is_finite()) {
@@ -309,7 +311,7 @@ fn finite<const D: usize>(values: &Tensor<D>) -> Result<Vec<f64>> {
     }
 }
 
-/// Host values in the shape of a tensor, on its device and in its float type, without autodiff.
+/// Returns host values as a tensor with the shape, device and float type of another, outside of any graph.
 fn constant<const D: usize>(like: &Tensor<D>, values: &[f64]) -> Tensor<D> {
     let context = Context {
         device: like.device().inner(),

@@ -1,4 +1,4 @@
-//! Losses that keep a mesh regular, in the graph.
+//! Differentiable losses that keep a mesh regular.
 
 use std::fmt;
 
@@ -11,22 +11,23 @@ use crate::error::Result;
 use crate::geometry::{Vec3, columns, gather_columns, host_values, length, split, unit_size};
 use crate::scene::Mesh;
 
-/// The name of errors.
+/// The object name in error messages.
 const OBJECT: &str = "mesh regulariser";
-/// The cotangent of 3°: those of slimmer corners are taken as this.
+/// The cotangent of 3°. Corners with a smaller angle use this value.
 const STEEPEST_COTANGENT: f64 = 19.081_136_687_728_21;
 
-/// Losses of the shape of meshes with common faces: how rough, how bent, how uneven they are.
+/// Regularization losses for meshes with common faces: roughness, bending and uneven edge lengths.
 ///
-/// Built once from the faces; then every method takes vertices `[B, V, 3]`, scene units, of B meshes.
-/// Vertices `[V, 3]` of one mesh are `vertices.unsqueeze()`; meshes of different faces are one mesh
-/// of disjoint parts, their vertices one after the other. Losses are scalars `[1]`, means over the
-/// batch and over vertices or edges: a weight means the same on a finer mesh, but for what the loss
-/// itself does under refinement.
+/// It is built once from the faces. Every method then takes the vertices `[B, V, 3]` of B meshes, in scene
+/// units. For one mesh with vertices `[V, 3]` pass `vertices.unsqueeze()`. For meshes with different faces
+/// build one mesh of disjoint parts, with their vertices one after the other.
 ///
-/// Vertices are the same if their indices are (positions are not welded), and faces that name a
-/// vertex twice are left out. Triangles without area have no normal: edges at them count as flat.
-/// Values and gradients are finite on all finite vertices.
+/// Losses are scalars `[1]`. They are means over the batch and over vertices or edges, so a weight keeps its
+/// meaning on a finer mesh, except for the change of the loss itself under refinement.
+///
+/// Vertices are identified by their index; positions are not welded. Faces that list a vertex twice are left
+/// out. Triangles without area have no normal, so edges at them count as flat. Values and gradients are finite
+/// for all finite vertices.
 ///
 /// ```
 /// use softray::optim::MeshRegulariser;
@@ -45,17 +46,18 @@ pub struct MeshRegulariser {
     vertices: usize,
     edges: usize,
     hinges: usize,
-    /// Vertices that an edge ends at.
+    /// The number of vertices at which an edge ends.
     connected: usize,
-    /// Vertices of the faces `[1, 3F]`: all first corners, all second, all third.
+    /// Vertex indices of the faces `[1, 3F]`: all first corners, then all second, then all third.
     corners: Tensor<2, Int>,
-    /// The edge opposite to each of `corners`, `[1, 3F]`.
+    /// Index of the edge opposite to each of `corners`, `[1, 3F]`.
     opposite: Tensor<2, Int>,
-    /// Ends of the edges `[1, 2E]`: all first, all second.
+    /// Vertex indices of the ends of edges `[1, 2E]`: all first ends, then all second.
     ends: Tensor<2, Int>,
-    /// Edges of two faces `[1, 4H]`: all first ends, all second, the faces' third vertices.
+    /// Vertex indices of the edges with two faces `[1, 4H]`: all first ends, all second ends, then the faces'
+    /// third vertices.
     hinge_vertices: Tensor<2, Int>,
-    /// The number of neighbours of each vertex, but at least 1, `[1, V]`.
+    /// The number of neighbors of each vertex, at least 1, `[1, V]`.
     neighbours: Tensor<2, Int>,
 }
 
@@ -70,7 +72,8 @@ impl fmt::Debug for MeshRegulariser {
 }
 
 impl MeshRegulariser {
-    /// A regulariser for meshes of these faces and `vertices` vertices, on the device of the vertices.
+    /// Creates a regularizer for meshes with these faces and `vertices` vertices, on the device of the
+    /// vertices.
     ///
     /// # Errors
     /// If no face has three different vertices, or an index is out of range.
@@ -101,22 +104,23 @@ impl MeshRegulariser {
         })
     }
 
-    /// A regulariser for meshes of the faces of a mesh, on its device.
+    /// Creates a regularizer for meshes with the faces of a mesh, on its device.
     ///
     /// # Errors
-    /// As [`MeshRegulariser::new`].
+    /// Like [`MeshRegulariser::new`].
     pub fn from_mesh(mesh: &Mesh) -> Result<Self> {
         let vertices = mesh.vertices.dims()[0];
         Self::new(&mesh.faces, vertices, &mesh.vertices.device())
     }
 
-    /// Mean of |δ|² over vertices, δᵢ = (Σⱼ vⱼ)/nᵢ − vᵢ over the nᵢ neighbours j: the uniform
-    /// umbrella operator (Taubin 1995, *A Signal Processing Approach to Fair Surface Design*, Eq. 2).
-    /// Square scene units. It draws vertices together as well as smoothing: for that alone see
-    /// [`laplacian_cotangent`](Self::laplacian_cotangent).
+    /// Uniform Laplacian loss: the mean of |δ|² over the vertices that have a neighbor, in square scene units.
+    ///
+    /// δᵢ = (Σⱼ vⱼ)/nᵢ − vᵢ over the nᵢ neighbors j is the umbrella operator (Taubin 1995, *A Signal Processing
+    /// Approach to Fair Surface Design*, Eq. 2). The loss smooths the mesh and also pulls vertices together;
+    /// [`laplacian_cotangent`](Self::laplacian_cotangent) only smooths.
     ///
     /// # Panics
-    /// If the vertices are not `[_, V, 3]`, as all methods.
+    /// If the vertices are not `[_, V, 3]`, like all methods.
     pub fn laplacian(&self, vertices: Tensor<3>) -> Tensor<1> {
         let planes = self.planes(vertices);
         let sums = self.sums_at_vertices(self.edge_vectors(&planes));
@@ -124,13 +128,15 @@ impl MeshRegulariser {
         self.mean_square(sums / counts)
     }
 
-    /// Mean of |δ|² over vertices, δᵢ = Σⱼ wᵢⱼ(vⱼ − vᵢ)/Σⱼ wᵢⱼ with wᵢⱼ = (cot α + cot β)/2 of the
-    /// angles opposite to the edge (Desbrun et al. 1999, *Implicit Fairing of Irregular Meshes
-    /// using Diffusion and Curvature Flow*, the curvature normal). Square scene units. δ is along the normal, so that vertices are not drawn along the
-    /// surface.
+    /// Cotangent Laplacian loss: the mean of |δ|² over the vertices that have a neighbor, in square scene
+    /// units.
     ///
-    /// Weights are constants to the gradient. Cotangents are clamped to those of 3° and 177°, their
-    /// sum at an edge to at least 0: δ stays within the neighbours on any mesh.
+    /// δᵢ = Σⱼ wᵢⱼ(vⱼ − vᵢ)/Σⱼ wᵢⱼ, where wᵢⱼ = (cot α + cot β)/2 of the angles opposite to the edge (Desbrun
+    /// et al. 1999, *Implicit Fairing of Irregular Meshes using Diffusion and Curvature Flow*, the curvature
+    /// normal). δ points along the normal, so the loss does not pull vertices along the surface.
+    ///
+    /// The weights are constants for the gradient. Cotangents are clamped to the values at 3° and 177°. Their
+    /// sum at an edge is clamped to at least 0, so vᵢ + δᵢ stays among the neighbors on any mesh.
     pub fn laplacian_cotangent(&self, vertices: Tensor<3>) -> Tensor<1> {
         let planes = self.planes(vertices);
         let weights = self.cotangent_weights(&planes.clone().detach());
@@ -143,42 +149,45 @@ impl MeshRegulariser {
         self.mean_square(self.sums_at_vertices(vectors) / three(totals))
     }
 
-    /// Mean of 1 − cos of the angle between the normals of the two faces of an edge, over edges of
-    /// exactly two faces: 0 on a plane, 2 at a fold. Faces are taken as wound alike.
+    /// Mean of 1 − cos of the angle between the normals of the two faces of an edge. The mean is over edges
+    /// with exactly two faces. The loss is 0 on a plane and 2 at a fold. The normals are computed as if both
+    /// faces were wound alike.
     pub fn normal_consistency(&self, vertices: Tensor<3>) -> Tensor<1> {
         self.bends(vertices).mean()
     }
 
-    /// Mean of (cos θ + 1)² over edges of exactly two faces, θ the dihedral angle between them: π on
-    /// a plane, where this is 0, and 0 at a fold, where it is 4 (Liu et al. 2019, *Soft Rasterizer*,
-    /// the flattening loss, there as a sum). cos θ is minus the cosine between normals
-    /// of faces wound alike, so the sign of a bend, a ridge or a valley, has no part in it.
+    /// Mean of (cos θ + 1)² over edges with exactly two faces, where θ is the dihedral angle between the faces.
+    ///
+    /// θ is π on a plane, where the loss is 0, and 0 at a fold, where it is 4. This is the flattening loss of
+    /// Liu et al. 2019, *Soft Rasterizer*, which uses a sum. cos θ is minus the cosine between the normals of
+    /// faces wound alike, so the sign of a bend (ridge or valley) has no effect.
     pub fn flatness(&self, vertices: Tensor<3>) -> Tensor<1> {
         let bends = self.bends(vertices);
         (bends.clone() * bends).mean()
     }
 
-    /// Mean of (length − target)² over edges; the target and the root of this in scene units.
-    /// Edges of length 0 have no gradient.
+    /// Mean of (length − target)² over edges, in square scene units; the target is in scene units. Edges of
+    /// length 0 have no gradient.
     pub fn edge_length(&self, vertices: Tensor<3>, target: f64) -> Tensor<1> {
         let apart = self.edge_lengths(vertices) - target;
         (apart.clone() * apart).mean()
     }
 
-    /// Mean length of the edges, scene units, on the host: a target for
+    /// Returns the mean length of the edges in scene units, on the host: a target for
     /// [`edge_length`](Self::edge_length).
     ///
     /// # Errors
-    /// If it can't be read from the device.
+    /// If the mean cannot be read from the device.
     pub fn mean_edge_length(&self, vertices: &Tensor<3>) -> Result<f64> {
         let mean = self.edge_lengths(vertices.clone().inner()).mean();
         Ok(host_values(&mean)?[0])
     }
 
-    /// Signed volumes `[B]`, cubic scene units: positive if faces are counter-clockwise seen from
-    /// outside. Of an open mesh, that of the cone over it from the mean of its vertices.
+    /// Returns the signed volumes `[B]`, in cubic scene units. A volume is positive if faces are
+    /// counter-clockwise seen from outside. For an open mesh it is the volume of the cone that connects the
+    /// mesh to the mean of its vertices.
     pub fn volume(&self, vertices: Tensor<3>) -> Tensor<1> {
-        // About the mean, for what far from the origin would be lost to rounding.
+        // Relative to the mean, because far from the origin the volume would be lost to rounding.
         let planes = self.planes(vertices);
         let planes = planes.clone() - planes.mean_dim(1);
         let [a, b, c] = self.points(&planes, &self.corners);
@@ -187,7 +196,7 @@ impl MeshRegulariser {
         six / 6.0
     }
 
-    /// Surface areas `[B]`, square scene units.
+    /// Returns the surface areas `[B]`, in square scene units.
     pub fn area(&self, vertices: Tensor<3>) -> Tensor<1> {
         let planes = self.planes(vertices);
         let [a, b, c] = self.points(&planes, &self.corners);
@@ -196,7 +205,8 @@ impl MeshRegulariser {
         length(&normal).sum_dim(1).reshape([batch]) / 2.0
     }
 
-    /// 1 − cos between the normals at edges of two faces, `[B, H]`, or a 0 `[1, 1]` without any.
+    /// Returns 1 − cos between the normals at edges with two faces, `[B, H]`, or a 0 `[1, 1]` if there is no
+    /// such edge.
     fn bends(&self, vertices: Tensor<3>) -> Tensor<2> {
         let planes = self.planes(vertices);
         if self.hinges == 0 {
@@ -204,21 +214,21 @@ impl MeshRegulariser {
         }
         let [i, j, k, l] = self.points(&unit_size(planes), &self.hinge_vertices);
         let (edge, to_k, to_l) = (j.sub(&i), k.sub(&i), l.sub(&i));
-        // Of faces i j k and j i l: wound alike, however the mesh's are.
+        // Normals of the faces i j k and j i l, which are wound alike whatever the winding in the mesh.
         let (first, first_flat) = unit_normal(&edge, &to_k);
         let (second, second_flat) = unit_normal(&to_l, &edge);
         let bends = first.dot(&second).neg().add_scalar(1.0);
         bends.mask_fill(first_flat.bool_or(second_flat), 0.0)
     }
 
-    /// (cot α + cot β)/2 at the edges, `[B, E]`, of planes without tape.
+    /// Returns (cot α + cot β)/2 at the edges, `[B, E]`, for planes that are not tracked.
     fn cotangent_weights(&self, planes: &Tensor<2>) -> Tensor<2> {
         let planes = unit_size(planes.clone());
         let [a, b, c] = self.points(&planes, &self.corners);
         let twice_area = length(&b.sub(&a).cross(&c.sub(&a)));
         let cotangent = |at: &Vec3, p: &Vec3, q: &Vec3| {
             let cos = p.sub(at).dot(&q.sub(at));
-            // Where the quotient is out of range or 0/0 it isn't taken.
+            // Where the quotient is out of range or 0/0, the clamped value replaces it.
             let bound = twice_area.clone() * STEEPEST_COTANGENT;
             let steep = cos.clone().abs().greater_equal(bound);
             let sign = cos.clone().sign() * STEEPEST_COTANGENT;
@@ -242,19 +252,19 @@ impl MeshRegulariser {
         weights.clamp_min(0.0)
     }
 
-    /// `[B, E]`.
+    /// Returns the lengths of the edges, `[B, E]`.
     fn edge_lengths(&self, vertices: Tensor<3>) -> Tensor<2> {
         let planes = self.planes(vertices);
         length(&split(&self.edge_vectors(&planes)))
     }
 
-    /// Second end minus first of every edge, `[3B, E]`.
+    /// Returns the second end minus the first end of every edge, `[3B, E]`.
     fn edge_vectors(&self, planes: &Tensor<2>) -> Tensor<2> {
         let ends = gather_columns(planes, &self.ends);
         ends.clone().narrow(1, self.edges, self.edges) - ends.narrow(1, 0, self.edges)
     }
 
-    /// At each vertex the sum of vectors to its neighbours, `[3B, V]`, from those along edges.
+    /// Returns at each vertex the sum of the vectors to its neighbors, `[3B, V]`, from the vectors along edges.
     fn sums_at_vertices(&self, edge_vectors: Tensor<2>) -> Tensor<2> {
         self.scatter_ends(Tensor::cat(
             vec![edge_vectors.clone(), edge_vectors.neg()],
@@ -262,7 +272,7 @@ impl MeshRegulariser {
         ))
     }
 
-    /// Values at the first and second ends of edges `[N, 2E]`, added up at the vertices `[N, V]`.
+    /// Sums values at the first and second ends of edges `[N, 2E]` at the vertices, `[N, V]`.
     fn scatter_ends(&self, values: Tensor<2>) -> Tensor<2> {
         let [rows, n] = values.dims();
         let zeros = Tensor::zeros([rows, self.vertices], (&values.device(), values.dtype()));
@@ -270,14 +280,14 @@ impl MeshRegulariser {
         zeros.scatter(1, index, values, IndexingUpdateOp::Add)
     }
 
-    /// Mean over the connected vertices of squared vectors `[3B, V]`.
+    /// Mean of squared vectors `[3B, V]` over the connected vertices.
     fn mean_square(&self, vectors: Tensor<2>) -> Tensor<1> {
         let [rows, _] = vectors.dims();
         let count = self.connected * rows / 3;
         (vectors.clone() * vectors).sum() / count as f64
     }
 
-    /// Vertices `[B, V, 3]` as `[3B, V]`: all x, all y, all z, the long axis contiguous.
+    /// Returns vertices `[B, V, 3]` as `[3B, V]`: all x, then all y, then all z, with the long axis contiguous.
     fn planes(&self, vertices: Tensor<3>) -> Tensor<2> {
         let [batch, count, axes] = vertices.dims();
         assert!(
@@ -288,7 +298,7 @@ impl MeshRegulariser {
         vertices.permute([2, 0, 1]).reshape([3 * batch, count])
     }
 
-    /// The vertices named by the N parts of an index `[1, N·n]`, as vectors `[B, n]`.
+    /// Returns the vertices at the N parts of an index `[1, N·n]`, as vectors `[B, n]`.
     fn points<const N: usize>(&self, planes: &Tensor<2>, index: &Tensor<2, Int>) -> [Vec3; N] {
         let all = gather_columns(planes, index);
         let n = index.dims()[1] / N;
@@ -296,7 +306,8 @@ impl MeshRegulariser {
     }
 }
 
-/// The unit vector along a × b, and whether it can't be told from rounding: then it isn't unit.
+/// Returns the unit vector along a × b, and whether a × b is too small to tell from rounding; then the vector
+/// is not unit.
 fn unit_normal(a: &Vec3, b: &Vec3) -> (Vec3, Tensor<2, Bool>) {
     let normal = a.cross(b);
     let square = normal.dot(&normal);

@@ -1,5 +1,5 @@
-//! Tools to optimise scenes: losses, mesh regularisers, points on meshes, blur
-//! schedules, and with the feature `fit` a loop that fits parameters, and large steps for meshes.
+//! Tools to optimize scenes: losses, mesh regularizers, points on meshes and blur schedules. The feature `fit`
+//! adds a loop that fits parameters, and large steps for meshes.
 
 #[cfg(feature = "fit")]
 mod conjugate_gradient;

@@ -1,17 +1,17 @@
-//! The nearest of many points.
+//! Nearest-neighbor search among points.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Points of a leaf, at most.
+/// The largest number of points in a leaf.
 const LEAF: usize = 8;
 
-/// Points in a tree of boxes (a k-d tree, Bentley 1975): each box is halved by the number of its points
-/// along its longest side, so the tree is balanced whatever the points.
+/// A k-d tree of points (Bentley 1975). Each node is split at the median point along the longest side of its
+/// bounding box, so the tree is balanced for any points.
 pub(crate) struct PointTree {
     /// The points, in the order of the leaves.
     points: Vec<DVec3>,
-    /// The index of each point in the list that was given.
+    /// The index of each point in the list passed to `new`.
     rows: Vec<u32>,
     nodes: Vec<Node>,
 }
@@ -19,14 +19,14 @@ pub(crate) struct PointTree {
 struct Node {
     min: DVec3,
     max: DVec3,
-    /// The range of its points.
+    /// The range of the node's points.
     from: usize,
     to: usize,
-    /// The second child, 0 in a leaf; the first one follows the node.
+    /// The index of the second child, 0 in a leaf; the first child follows its parent.
     second: usize,
 }
 
-/// A point of the tree, and how far it is.
+/// A point of the tree and the square of its distance.
 #[derive(Clone, Copy)]
 pub(crate) struct Near {
     pub row: u32,
@@ -34,7 +34,7 @@ pub(crate) struct Near {
 }
 
 impl PointTree {
-    /// A tree of at least one point, all of them finite.
+    /// Builds a tree of at least one point; all points must be finite.
     pub fn new(points: &[DVec3]) -> Self {
         let mut rows: Vec<u32> = (0..points.len() as u32).collect();
         let mut nodes = Vec::with_capacity(4 * points.len() / LEAF + 1);
@@ -46,7 +46,7 @@ impl PointTree {
         }
     }
 
-    /// The nearest point to each of others.
+    /// Returns the nearest point of the tree to each of `others`.
     pub fn nearest_to(&self, others: &[DVec3]) -> Vec<Near> {
         others
             .par_iter()
@@ -92,13 +92,13 @@ impl PointTree {
 }
 
 impl Node {
-    /// The square of the distance of a point from the box.
+    /// Returns the square of the distance of a point from the bounding box.
     fn square_to(&self, p: DVec3) -> f64 {
         p.distance_squared(p.clamp(self.min, self.max))
     }
 }
 
-/// Adds the nodes over some points, which are `rows` from `from` on.
+/// Adds the nodes of the points `rows`, whose first one is at place `from` in the order of the leaves.
 fn grow(points: &[DVec3], rows: &mut [u32], from: usize, nodes: &mut Vec<Node>) {
     let at = nodes.len();
     let all = || rows.iter().map(|&row| points[row as usize]);
@@ -136,7 +136,7 @@ mod tests {
             .collect()
     }
 
-    /// The clouds lie in space, on a plane and in few places, and one is a single point.
+    /// The clouds lie in space, on a plane and at a few places; one cloud is a single point.
     #[test]
     fn the_nearest_point_is_that_of_a_plain_loop() {
         let clouds = [

@@ -8,12 +8,12 @@ use crate::geometry::{Context, Vec3};
 use crate::model::integers::mix;
 use crate::scene::{Mesh, take_rows};
 
-/// Points `[count, 3]` on the faces of a mesh, scene units, uniformly by area (Osada et al. 2002, *Shape
-/// Distributions*, Eq. 1), the same for the same seed.
+/// Returns points `[count, 3]` on the faces of a mesh, in scene units, distributed uniformly by area (Osada et
+/// al. 2002, *Shape Distributions*, Eq. 1). The same seed gives the same points.
 ///
-/// The points are in the graph of the vertices. Each stays at its place of its face, so its
-/// derivative is that of the corners by constant weights, and by how the areas change there is none.
-/// They are in the order of the faces, over whose areas they are spread evenly (stratified): take all of
+/// The points are in the graph of the vertices. Each point keeps its barycentric coordinates, so its derivative
+/// is the weighted sum of the derivatives of its corners with constant weights. A change of the areas adds no
+/// derivative. The points are in the order of the faces and are stratified over their total area: use all of
 /// them, not the first few.
 ///
 /// ```
@@ -28,17 +28,19 @@ use crate::scene::{Mesh, take_rows};
 /// ```
 ///
 /// # Errors
-/// If `count` is 0, the mesh has no face with an area, its vertices are not `[V, 3]` or not finite, a face
-/// has an index out of range, or the vertices can't be read from their device.
+/// If `count` is 0, no face of the mesh has an area, the vertices are not `[V, 3]` or not finite, a face has an
+/// index out of range, or the vertices cannot be read from their device.
 pub fn sample_points(mesh: &Mesh, count: usize, seed: u64) -> Result<Tensor<2>> {
     Samples::new(mesh, count, seed).map(|samples| samples.points())
 }
 
-/// The same points as [`sample_points`] and the unit normals of their faces, `[count, 3]` each, both in the
-/// graph of the vertices. Normals are those of the front side; shading normals have no part in them.
+/// Returns the points of [`sample_points`] and the unit normals of their faces, `[count, 3]` each.
+///
+/// Both are in the graph of the vertices. Normals point to the front side of the face; shading normals are not
+/// used.
 ///
 /// # Errors
-/// As [`sample_points`].
+/// Like [`sample_points`].
 pub fn sample_points_and_normals(
     mesh: &Mesh,
     count: usize,
@@ -48,14 +50,14 @@ pub fn sample_points_and_normals(
     Ok((samples.points(), samples.normals()))
 }
 
-/// Places on faces.
+/// Sampled places on faces.
 struct Samples {
     context: Context,
-    /// The corners of the faces that were drawn, `[count, 3]` each.
+    /// The corners of the sampled faces, `[count, 3]` each.
     corners: [Tensor<2>; 3],
     /// Barycentric coordinates.
     weights: [Vec<f64>; 3],
-    /// Normals of the faces, twice their areas long.
+    /// Normals of the sampled faces; their length is twice the area.
     crosses: Vec<DVec3>,
 }
 
@@ -101,12 +103,12 @@ impl Samples {
 
     fn normals(&self) -> Tensor<2> {
         let [a, b, c] = self.corners.each_ref();
-        // Sides in units in which the cross product is about 1.
+        // The sides are scaled so that the length of their cross product is about 1.
         let scale = self.crosses.iter().map(|n| n.length().sqrt().recip());
         let scale = self.context.column(&scale.collect::<Vec<_>>());
         let side = |end: &Tensor<2>| Vec3::from_columns((end.clone() - a.clone()) * scale.clone());
         let normal = side(b).cross(&side(c));
-        // In f32 the product of a slim face's sides may be lost.
+        // In f32 the cross product of a thin face's sides may be lost to rounding.
         let square = normal.dot(&normal);
         let lost = square.clone().lower_elem(1e-12);
         let length = square.mask_fill(lost.clone(), 1.0).sqrt();
@@ -118,7 +120,7 @@ impl Samples {
     }
 }
 
-/// Faces in proportion to their areas, one in each of `count` parts of the whole, ascending.
+/// Samples faces in proportion to their areas, one in each of `count` equal parts of the total area; ascending.
 fn by_area(areas: &[f64], count: usize, seed: u64) -> Result<Vec<usize>> {
     let total: f64 = areas.iter().sum();
     let Some(last) = areas.iter().rposition(|&a| a > 0.0) else {
@@ -139,7 +141,7 @@ fn by_area(areas: &[f64], count: usize, seed: u64) -> Result<Vec<usize>> {
     Ok(drawn)
 }
 
-/// A number in [0, 1) of a sample, one of three.
+/// Returns one of the three random numbers of a sample, in [0, 1).
 fn number(seed: u64, sample: u64, which: u64) -> f64 {
     (mix(mix(mix(seed) ^ which) ^ sample) >> 11) as f64 / (1u64 << 53) as f64
 }

@@ -1,45 +1,48 @@
-//! Adaptive sampling: how many samples each pixel has.
+//! Adaptive sampling: the number of samples of each pixel.
 //!
-//! The squared error of an image is least where pixels have samples in proportion to their standard deviation, over the
-//! root of what a sample costs (Neyman 1934). Two images of few samples, from random numbers of their own, tell both:
-//! their squared difference about each pixel, and the number of their rays. These images are no part of the result, so
-//! what a pixel's samples are does not depend on how many it has: each mean is unbiased.
+//! The squared error of an image is minimal if each pixel's number of samples is proportional to σ / √cost, with the
+//! standard deviation σ and the cost of a sample (Neyman 1934). Two pilot images with few samples and independent
+//! random numbers estimate both: σ from their squared difference around each pixel, the cost from their numbers of
+//! rays. The pilots are not part of the result. A pixel's samples are therefore independent of their number, and each
+//! mean is unbiased.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Samples of a pixel over those of the options, at least ([`LEAST`] halvings) and at most.
+/// The range of a pixel's number of samples, relative to the options: a minimum of 2^[`LEAST`] and a maximum of
+/// [`MOST`].
 const LEAST: f64 = -2.0;
 pub(super) const MOST: u32 = 16;
 
-/// With fewer samples, two images to choose by would show little for what they take.
+/// The minimum number of samples. With fewer, pilots would show little for their cost.
 const FEWEST: u32 = 32;
 
-/// The standard deviation's power that samples go by: a few differences tell it roughly, and samples of sequences, which
-/// lie the more evenly the more there are, gain most from the first.
+/// The exponent applied to σ / √cost. It is below 1 since few differences estimate σ roughly, and since low-discrepancy
+/// samples, which get more even with their number, gain most from the first ones.
 const POWER: f64 = 0.7;
 
-/// The share of the squared error that must be left at most: what the two images show is rough, and sequences lie less
-/// evenly where neighbouring pixels have other numbers of samples.
+/// The maximum estimated ratio of squared errors, adaptive over uniform, at which adaptive sampling is used. It leaves
+/// a margin, since the estimate is rough, and sequences are less even where neighboring pixels differ in their numbers
+/// of samples.
 const WORTH_IT: f64 = 0.75;
 
-/// What a camera ray costs, over the other rays of a path with what is computed where they end.
+/// The cost of a camera ray relative to another ray of a path, including the computation at its end.
 const OF_CAMERA: f64 = 0.1;
 
-/// Logarithms to base 2 are compared in steps, and limited where nothing differs.
+/// Steps per unit of base-2 logarithms, and the limit of their magnitude (for pixels without a difference).
 const STEPS: f64 = 256.0;
 const LIMIT: f64 = 1024.0;
 
-/// The samples that tell how noisy pixels are, of each of two images, unless there are too few in all. They come after
-/// all that pixels may have, in runs of a length that is a power of two, which have random numbers of their own each.
+/// Returns the sample ranges of the two pilot images, or `None` with too few samples. They lie behind all samples that
+/// a pixel may have. Each starts at a multiple of a power of two, so its random numbers are independent.
 pub(super) fn pilots(samples: u32) -> Option<[Range<u32>; 2]> {
     let each = samples / 64;
     let run = (samples * MOST).next_power_of_two();
     (samples >= FEWEST).then(|| [run, 2 * run].map(|from| from..from + each.max(1)))
 }
 
-/// The pixels of an image of some width that have as many samples each, by their number: from the radiance of two images
-/// of few and the rays of their paths, so that all together have at most as many rays as by `samples` a pixel.
+/// Groups the pixels of an image by their number of samples. `pilots` holds radiance and rays per path of the two pilot
+/// images. The total cost in rays is at most that of `samples` samples in each pixel.
 pub(super) fn shares(
     pilots: [&[[f64; 4]]; 2],
     width: usize,
@@ -56,7 +59,7 @@ pub(super) fn shares(
         *costs.entry(level).or_insert(0.0) += rays;
     }
     let budget = f64::from(samples) * costs.values().sum::<f64>();
-    // The largest shift of all levels that the budget allows.
+    // Bisection for the largest shift of all levels within the budget.
     let total = |shift: i64| -> f64 {
         let of_level =
             |(&level, &cost): (&i64, &f64)| cost * f64::from(samples_of(level + shift, samples));
@@ -73,7 +76,7 @@ pub(super) fn shares(
         }
     }
     let count_of = |level: i64| samples_of(level + low, samples);
-    // Of the squared error, as far as the two images show it.
+    // The squared errors with uniform and with adaptive sampling, as the pilots estimate them.
     let all: f64 = found.iter().map(|f| f.0 * f.0).sum();
     let of_pixel = |(f, &level): (&(f64, f64), &i64)| f.0 * f.0 / f64::from(count_of(level));
     let left = found.iter().zip(&levels).map(of_pixel).sum::<f64>() * f64::from(samples);
@@ -86,15 +89,15 @@ pub(super) fn shares(
     shares
 }
 
-/// How many samples a level stands for: a power of two times those of the options.
+/// The number of samples of a level: a power of two times that of the options.
 fn samples_of(level: i64, samples: u32) -> u32 {
     let most = f64::from(MOST).log2();
     let halvings = (level as f64 / STEPS).round().clamp(LEAST, most);
     (f64::from(samples) * halvings.exp2()).ceil() as u32
 }
 
-/// How much two images differ about each pixel, the root of a mean over its neighbours and, twice, itself; and the mean
-/// rays of paths there.
+/// Returns for each pixel the root mean square difference of the pilots and the mean cost of a path. Both means include
+/// the neighbors once and the pixel itself twice.
 fn deviations([a, b]: [&[[f64; 4]]; 2], width: usize) -> Vec<(f64, f64)> {
     let height = a.len() / width;
     let of_pair = |(a, b): (&[f64; 4], &[f64; 4])| {
@@ -124,7 +127,7 @@ fn deviations([a, b]: [&[[f64; 4]]; 2], width: usize) -> Vec<(f64, f64)> {
 mod tests {
     use super::*;
 
-    /// Samples of the pixels of an image of 32 × 8 that differ by so much each, in two images, with so many rays.
+    /// Sample counts for an image of 32 × 8 pixels. `of` returns a pixel's difference between the pilots, and its rays.
     fn counts(of: impl Fn(usize) -> (f64, f64), samples: u32) -> Vec<u32> {
         let image = |factor: f64| -> Vec<[f64; 4]> {
             let pixel = |i| [0.5 + factor * of(i).0, 0.5, 0.5, of(i).1];
@@ -143,7 +146,7 @@ mod tests {
     fn as_many_rays_as_without_and_more_where_there_is_noise() {
         for samples in [32, 40, 100, 256, 1000] {
             for rays in [2.0, 7.0] {
-                // Noise in a column.
+                // One noisy column.
                 let of = |i: usize| {
                     if i % 32 == 3 {
                         (1.0, rays)

@@ -1,4 +1,4 @@
-//! Batches: scenes and cameras of one call.
+//! Batches: the scenes and cameras of one call.
 
 use std::borrow::Cow;
 
@@ -10,23 +10,22 @@ use crate::scene::{Camera, Object, Scene};
 
 /// Scenes and the views to render of them.
 ///
-/// Scenes may differ in everything: meshes, materials, lights. Views of one scene share what is made
-/// of it: its checks, triangles, boxes and lights. Where all scenes have a mesh with the same faces
-/// and vertices of its own each, as a network predicts them, give the vertices as one tensor
-/// ([`Batch::with_vertices`]).
+/// Scenes may differ in everything: meshes, materials, lights. Views of one scene share its prepared data: checks,
+/// triangles, BVH and lights. If all scenes have a mesh with the same faces but different vertices, such as a network's
+/// predictions, pass the vertices as one tensor ([`Batch::with_vertices`]).
 #[derive(Clone)]
 pub struct Batch {
     pub(super) scenes: Vec<Scene>,
     pub(super) views: Vec<(usize, Camera)>,
-    /// The vertices `[S, V, 3]` of the objects of a name, in all scenes.
+    /// The vertices `[S, V, 3]`, for all scenes, of the objects with a name.
     pub(super) vertices: Vec<(String, Tensor<3>)>,
 }
 
 impl Batch {
-    /// Scenes and cameras in pairs; one scene is seen by all cameras, and one camera sees all scenes.
+    /// Pairs scenes and cameras. A single scene is paired with all cameras, and a single camera with all scenes.
     ///
     /// # Errors
-    /// If there are neither as many cameras as scenes nor one of either, or none at all.
+    /// If the numbers of scenes and cameras differ and neither is one, or if there are none.
     pub fn new(scenes: Vec<Scene>, cameras: Vec<Camera>) -> Result<Self> {
         let (s, c) = (scenes.len(), cameras.len());
         let views = match (s, c) {
@@ -44,7 +43,7 @@ impl Batch {
         Self::views(scenes, views)
     }
 
-    /// Every scene seen by every camera: view i·C + j is scene i by camera j of C.
+    /// Combines every scene with every camera. View i·C + j is scene i with camera j of C cameras.
     ///
     /// # Errors
     /// If there is no scene or no camera.
@@ -55,10 +54,10 @@ impl Batch {
         Self::views(scenes, views)
     }
 
-    /// Any views: numbers of scenes, with the camera that sees each.
+    /// Makes a batch from views, each the index of a scene and a camera.
     ///
     /// # Errors
-    /// If there is no view, or one of a scene that is not there.
+    /// If there is no view, or if an index is out of range.
     pub fn views(scenes: Vec<Scene>, views: Vec<(usize, Camera)>) -> Result<Self> {
         if views.is_empty() {
             let expected = "at least one scene and one camera";
@@ -76,12 +75,14 @@ impl Batch {
         })
     }
 
-    /// The vertices of the objects of that name, `[S, V, 3]` for S scenes and the V vertices of each mesh, in
-    /// scene units, in place of those they have. The tensor is one parent of the images as it is: nothing is sliced
-    /// or gathered in the graph, and boxes and neighbours of the first scene serve the others.
+    /// Replaces the vertices of the objects with a name.
+    ///
+    /// `values` has shape `[S, V, 3]` for S scenes and V vertices of each mesh, in scene units. The tensor is a direct
+    /// parent of the images: the graph contains no slices or gathers, and the other scenes reuse the BVH and the
+    /// adjacency of the first one.
     ///
     /// # Errors
-    /// If the shape is another, or a scene has no object of that name or several.
+    /// If the shape is wrong, or if a scene does not have exactly one object with that name.
     pub fn with_vertices(mut self, name: impl Into<String>, values: Tensor<3>) -> Result<Self> {
         let name = name.into();
         let scenes = self.scenes.len();
@@ -125,12 +126,12 @@ impl Batch {
         self.views.len()
     }
 
-    /// Whether there is none; there is always one.
+    /// Whether there is no view. A batch has at least one, so this is false.
     pub fn is_empty(&self) -> bool {
         self.views.is_empty()
     }
 
-    /// The batch, where meshes that a normal map needs tangents of have them.
+    /// Returns the batch, with tangents added to meshes that have a normal map and no tangents.
     pub(super) fn with_tangents(&self) -> Cow<'_, Self> {
         let mut all = Cow::Borrowed(self);
         for (index, scene) in self.scenes.iter().enumerate() {
@@ -146,7 +147,7 @@ impl Batch {
         all
     }
 
-    /// All scenes, where the vertices of the batch are others, made of these.
+    /// Returns all scenes, with `of` applied to the batch's vertices as the vertices of the named objects.
     pub(super) fn scenes_with(&self, of: impl Fn(&Tensor<3>) -> Tensor<2>) -> Vec<Scene> {
         let mut scenes = self.scenes.clone();
         for (name, values) in &self.vertices {
@@ -158,7 +159,7 @@ impl Batch {
         scenes
     }
 
-    /// A scene with its vertices of the batch, in the graph or out of it.
+    /// Returns a scene with the batch's vertices, tracked or detached.
     pub(super) fn scene(&self, index: usize, tracked: bool) -> Scene {
         let mut scene = self.scenes[index].clone();
         for (name, values) in &self.vertices {
@@ -177,7 +178,7 @@ impl Batch {
     }
 }
 
-/// Adds to an error the part of a batch that it is of.
+/// Adds the part of a batch (`scene` or `view`) and its index to an error.
 pub(super) fn in_batch(part: &'static str, index: usize) -> impl FnOnce(Error) -> Error {
     move |source| Error::InBatch {
         part,

@@ -1,4 +1,4 @@
-//! What renders leave for the next.
+//! Data that renders keep for the next one.
 
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -7,14 +7,15 @@ use crate::accel::LastHierarchy;
 use crate::kernel::LastEdges;
 use crate::scene::Constants;
 
-/// What is kept from render to render, as in the steps of a fit: boxes over triangles, which edges meshes have, and how
-/// these are divided, for each scene of a batch by its number. Boxes are fitted to triangles that moved, and built anew
-/// when they have grown by half, or there are other triangles.
+/// A cache of data from render to render, such as the steps of a fit.
 ///
-/// Of GPUs the numbers of tensors that are not in a graph are kept, so that each is read back once, and the lists of scenes,
-/// on the device and on the host: the next render sends what has changed. They are freed with the cache. All is sent again
-/// where lists take another room, while a graph needs the last lists, after a failure, on another device and from another
-/// thread.
+/// For each scene of a batch, by its index, it keeps the BVH, the edges of meshes and the subdivision of the edges. A
+/// BVH is refitted if triangles move. It is rebuilt if its boxes have grown by half or the number of triangles differs.
+///
+/// For renders on GPUs it also keeps the values of untracked tensors, so that each is read back once, and the lists of
+/// scenes, on the device and on the host. The next render uploads only changes. The memory is freed with the cache. A
+/// render uploads everything if lists change in size, if a graph still holds the last lists, after a failed render, on
+/// another device, and from another thread.
 #[derive(Clone, Default)]
 pub struct HierarchyCache {
     scenes: Arc<Mutex<Vec<LastScene>>>,
@@ -23,7 +24,7 @@ pub struct HierarchyCache {
     pub(super) buffers: crate::gpu::LastBuffers,
 }
 
-/// What a scene leaves for the next render.
+/// The data of one scene for the next render.
 #[derive(Clone, Default)]
 pub(super) struct LastScene {
     pub boxes: LastHierarchy,
@@ -31,21 +32,21 @@ pub(super) struct LastScene {
 }
 
 impl HierarchyCache {
-    /// The numbers of times that boxes were built and fitted.
+    /// Returns how often a BVH was built and how often one was refitted, summed over all scenes.
     pub fn counts(&self) -> [u64; 2] {
         let scenes = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
         let counts = scenes.iter().map(|scene| scene.boxes.counts());
         counts.fold([0; 2], |[a, b], [builds, fits]| [a + builds, b + fits])
     }
 
-    /// Constants that were read back.
+    /// Untracked tensors that were read back.
     pub(super) fn constants(&self) -> MutexGuard<'_, Constants> {
         self.constants
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What so many scenes of a batch left.
+    /// The data of the first `count` scenes of a batch.
     pub(super) fn scenes(&self, count: usize) -> Vec<LastScene> {
         let mut scenes = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
         let most = scenes.len().max(count);

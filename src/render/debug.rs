@@ -1,4 +1,4 @@
-//! `{:?}` of images and batches: shapes, never pixels.
+//! `Debug` for images and batches. It prints shapes, never pixels.
 
 use std::fmt::{Debug, Formatter, Result};
 
@@ -6,7 +6,7 @@ use super::batch::Batch;
 use super::film::{Image, ImageBatch};
 use crate::debug::{Text, shape, tensor};
 
-/// Images and batches of them, by the numbers of rays of all views.
+/// Implements `Debug` for images and batches of images. The closure returns the number of rays of all views.
 macro_rules! images {
     ($($images:ident: |$image:ident| $rays:expr;)*) => {$(
         impl Debug for $images {

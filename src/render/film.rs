@@ -1,4 +1,4 @@
-//! The images that a render returns: radiance, and what was asked for beside it.
+//! The images that a render returns: radiance and further outputs.
 
 use burn::tensor::kind::Basic;
 use burn::tensor::{Int, Tensor};
@@ -8,45 +8,45 @@ use crate::error::Result;
 use crate::geometry::{detached, host_values};
 use crate::tensors::{Diagnostics, RayStatistics};
 
-/// The program that computed an image, which [`Engine::Auto`](super::Engine::Auto) chooses.
+/// The program that computed an image; see [`Engine`](super::Engine).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Program {
     /// Kernels on the host's cores.
     #[default]
     HostKernels,
-    /// Kernels on the scene's device, where the backward pass runs too.
+    /// Kernels on the scene's device. The backward pass runs there too.
     DeviceKernels,
     /// Tensor operations on the scene's device.
     Tensors,
 }
 
-/// The cost of a render. A GPU counts it on request
-/// ([`with_statistics`](super::RenderOptions::with_statistics)), and all is 0 there without.
+/// The cost of a render. Kernels on a GPU count rays only with
+/// [`with_statistics`](super::RenderOptions::with_statistics); otherwise the counts are 0 or empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Statistics {
     /// The program that ran.
     pub program: Program,
-    /// Camera, bounce and shadow rays.
+    /// The number of camera, bounce and shadow rays.
     pub rays: u64,
-    /// For the softmax: pairs of ray and triangle.
+    /// Softmax only: the number of tested pairs of ray and triangle.
     pub tested: u64,
-    /// For the softmax: the numbers of surfaces that may matter to a camera or bounce ray.
+    /// Softmax only: the number of surfaces that may contribute to a camera or bounce ray.
     pub surfaces: SurfacesPerRay,
-    /// Paths that looked for their next surface, by bounce: those that survived so far.
+    /// For each bounce the number of surviving paths, which traced a ray to their next surface.
     pub bounces: Vec<u64>,
 }
 
-/// The numbers of surfaces that may matter to a ray; 0 where all triangles are tested.
+/// Statistics of the number of surfaces that may contribute to a ray; 0 if all triangles are tested.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct SurfacesPerRay {
-    /// Their mean over rays.
+    /// The mean over rays.
     pub mean: f64,
-    /// The number that 99 % of rays do not exceed.
+    /// The 99th percentile over rays.
     pub percentile_99: f64,
-    /// The largest of them.
+    /// The maximum over rays.
     pub most: f64,
 }
 
@@ -75,30 +75,31 @@ impl Statistics {
     }
 }
 
-/// A rendered image; tensors are in the graph where gradients can flow.
+/// A rendered image. All tensors but the object ids are tracked if the scene or the camera has tracked tensors.
 #[derive(Clone)]
 pub struct Image {
     /// Linear RGB radiance `[H, W, 3]`, row 0 at the top.
     pub radiance: Tensor<3>,
-    /// 1 − W_background of the camera rays `[H, W]`, on request.
+    /// Opacity `[H, W]`, if requested: 1 − W_background, with the background's weight W_background over the primary
+    /// rays.
     pub opacity: Option<Tensor<2>>,
-    /// Expected distance along the camera rays to what they see `[H, W]`, scene units; 0 where
-    /// they see nothing. On request.
+    /// Depth `[H, W]`, if requested: the expected distance along the primary rays to the visible surfaces, in scene
+    /// units. It is 0 in pixels without a surface.
     pub depth: Option<Tensor<2>>,
-    /// Expected geometric normal, facing the camera, of what the camera rays see `[H, W, 3]`; 0
-    /// where they see nothing. On request.
+    /// Normals `[H, W, 3]`, if requested: the expected geometric normal of the visible surfaces, facing the camera.
+    /// They are 0 in pixels without a surface.
     pub normals: Option<Tensor<3>>,
-    /// The object with the most weight in each pixel `[H, W]`, −1 for the background. On request;
-    /// not differentiable.
+    /// Object ids `[H, W]`, if requested: the index of the object with the most weight, or −1 for the background. They
+    /// are not differentiable.
     pub object_ids: Option<Tensor<2, Int>>,
     /// The cost of the render.
     pub statistics: Statistics,
-    /// Counts of degenerate cases. On request.
+    /// Counts of degenerate cases, if requested.
     pub diagnostics: Option<Diagnostics>,
 }
 
 impl Image {
-    /// The same with some of its columns, perhaps several times.
+    /// Returns an image of the columns with the given indices, which may repeat.
     pub(super) fn columns(self, which: Tensor<1, Int>) -> Self {
         Self {
             radiance: self.radiance.select(1, which.clone()),
@@ -111,7 +112,7 @@ impl Image {
         }
     }
 
-    /// The mean radiance of each channel, on the host.
+    /// Returns the mean radiance of each channel, computed on the host.
     ///
     /// # Errors
     /// If the tensor can't be read back.
@@ -124,22 +125,22 @@ impl Image {
     }
 }
 
-/// Rendered images; tensors are in the graph where gradients can flow.
+/// The images of a batch. All tensors but the object ids are tracked if a scene or a camera has tracked tensors.
 #[derive(Clone)]
 pub struct ImageBatch {
     /// Linear RGB radiance `[B, H, W, 3]`, row 0 at the top.
     pub radiance: Tensor<4>,
-    /// As [`Image::opacity`], `[B, H, W]`.
+    /// Opacity `[B, H, W]`; see [`Image::opacity`].
     pub opacity: Option<Tensor<3>>,
-    /// As [`Image::depth`], `[B, H, W]`.
+    /// Depth `[B, H, W]`; see [`Image::depth`].
     pub depth: Option<Tensor<3>>,
-    /// As [`Image::normals`], `[B, H, W, 3]`.
+    /// Normals `[B, H, W, 3]`; see [`Image::normals`].
     pub normals: Option<Tensor<4>>,
-    /// As [`Image::object_ids`], `[B, H, W]`.
+    /// Object ids `[B, H, W]`; see [`Image::object_ids`].
     pub object_ids: Option<Tensor<3, Int>>,
     /// The cost of each view.
     pub statistics: Vec<Statistics>,
-    /// Counts of degenerate cases in each view; empty unless asked for.
+    /// Counts of degenerate cases in each view; empty unless requested.
     pub diagnostics: Vec<Diagnostics>,
 }
 
@@ -149,16 +150,16 @@ impl ImageBatch {
         self.statistics.len()
     }
 
-    /// Whether there is none; there is always one.
+    /// Whether there is no view. A batch has at least one, so this is false.
     pub fn is_empty(&self) -> bool {
         self.statistics.is_empty()
     }
 
-    /// The image of one view. Compute a loss over all views from the tensors of the batch: each slice is
-    /// another node of the graph.
+    /// Returns the image of one view. Compute a loss over all views from the tensors of the batch instead, since each
+    /// slice adds a node to the graph.
     ///
     /// # Panics
-    /// If there are not so many views.
+    /// If `index` is out of range.
     pub fn view(&self, index: usize) -> Image {
         fn one<const D: usize, const E: usize, K: Basic>(
             t: &Tensor<D, K>,
@@ -184,23 +185,24 @@ impl ImageBatch {
 
 /// Means over the samples of all pixels of all views.
 pub(super) struct Means {
-    /// `[B, P, C]`, channels in the order radiance, opacity, depth, normal, weight of each object.
+    /// Shape `[B, P, C]`, channels in the order radiance, opacity, depth, normal, weights of objects and the
+    /// background.
     pub mean: Tensor<3>,
-    /// Rows of weights of objects, without that of the background.
+    /// The number of channels with weights of objects, without the background.
     pub objects: usize,
     pub statistics: Vec<Statistics>,
     pub diagnostics: Vec<Diagnostics>,
 }
 
 impl Means {
-    /// The images of width × height pixels.
+    /// Splits the channels into images of width × height pixels.
     pub fn images(self, [width, height]: [usize; 2], outputs: Outputs) -> ImageBatch {
         let [count, _, all] = self.mean.dims();
         let mut next = 0;
         let mut take = |channels: usize| {
             next += channels;
             match channels {
-                // All that is there needs no copy.
+                // No copy is needed for all channels.
                 _ if channels == all => self.mean.clone(),
                 _ => self.mean.clone().narrow(2, next - channels, channels),
             }

@@ -1,4 +1,4 @@
-//! Renders of scenes, by kernels or in tensors.
+//! Renders scenes with kernels or with tensor operations.
 
 mod adaptive;
 mod batch;
@@ -30,23 +30,25 @@ pub use film::{Image, ImageBatch, Program, Statistics, SurfacesPerRay};
 pub use options::{Engine, RenderOptions};
 pub use overview::overview;
 
-/// Renders a scene.
+/// Renders a scene and returns an image `[H, W, 3]`.
 ///
-/// The image is in the graph of every tensor of the scene and camera that requires a gradient:
-/// vertices, transforms, velocities, materials, textures, lights, environment, camera pose, field
-/// of view and lens. Without any such tensor, tiles run on all cores and no tape is recorded.
+/// The image is in the autodiff graph of every tracked tensor of the scene and the camera: vertices, transforms,
+/// velocities, materials, textures, lights, environment, camera pose, field of view and lens. Without a tracked tensor,
+/// no tape is recorded. On the CPU, tiles run on all cores.
 ///
 /// # Errors
-/// If the scene, the camera or the options are not valid; nothing is rendered then.
+/// If the scene, the camera or the options are not valid. Nothing is rendered then.
 pub fn render(scene: &Scene, camera: &Camera, options: &RenderOptions) -> Result<Image> {
     render_list(scene, camera, options, None)
 }
 
-/// Renders some pixels, numbers y·width + x of the image of the options, in any order: an image
-/// with them side by side `[1, N, 3]`. Each has the paths that it has in the whole image.
+/// Renders a list of pixels and returns them side by side as an image `[1, N, 3]`.
+///
+/// `pixels` holds indices y·width + x into the image of the options, in any order, with or without repeats. Without
+/// [adaptive sampling](RenderOptions::adaptive), each pixel has the same paths as in the whole image.
 ///
 /// # Errors
-/// Like [`render`], or if a pixel lies outside of the image.
+/// Like [`render`], or if the list is empty or a pixel lies outside of the image.
 pub fn render_pixels(
     scene: &Scene,
     camera: &Camera,
@@ -64,7 +66,7 @@ pub fn render_pixels(
     }
     options.check()?;
     options.check_memory(pixels.len() as u128)?;
-    // A pixel is traced once, however often it is named.
+    // Each pixel is traced once, even if the list repeats it.
     let mut rows = HashMap::with_capacity(pixels.len());
     let mut distinct = Vec::with_capacity(pixels.len());
     let row = |&pixel: &u32| {
@@ -83,11 +85,12 @@ pub fn render_pixels(
     Ok(image.columns(Tensor::from_data(row_of_each.as_slice(), &device)))
 }
 
-/// Renders all views of a batch, each with random numbers of its own
-/// ([`RenderOptions::of_view`]): what [`render`] returns for a scene and camera with
-/// the options of its view, and with the same gradients.
+/// Renders all views of a batch and returns images `[B, H, W, 3]`.
 ///
-/// The images are one node of the graph. On the CPU views and tiles share all cores in both passes; on GPUs kernels
+/// Each view has its own random numbers ([`RenderOptions::of_view`]). Its image and gradients are those of [`render`]
+/// with the scene, the camera and the options of the view.
+///
+/// The images are one node of the graph. On the CPU, views and tiles share all cores in both passes. On GPUs, kernels
 /// trace all views at once.
 ///
 /// ```
@@ -113,8 +116,7 @@ pub fn render_pixels(
 /// ```
 ///
 /// # Errors
-/// Like [`render`], with the number of the scene or view at fault; nothing is rendered
-/// then.
+/// Like [`render`], with the index of the invalid scene or view. Nothing is rendered then.
 pub fn render_batch(batch: &Batch, options: &RenderOptions) -> Result<ImageBatch> {
     render_views(batch, options, None)
 }
@@ -133,7 +135,7 @@ fn render_list(
     }
 }
 
-/// Renders pixels of all views; all pixels, if there is no list.
+/// Renders the listed pixels of all views, or all pixels without a list.
 fn render_views(
     batch: &Batch,
     options: &RenderOptions,
@@ -177,7 +179,8 @@ fn render_views(
     Ok(means.images(size, options.outputs))
 }
 
-/// Gives tensors that change nothing a gradient of 0, not none: a fit may pass such a place.
+/// Attaches the images to all tracked tensors if they are not tracked yet. Tensors without influence then have a
+/// gradient of 0 rather than none, which a fit may encounter.
 fn with_gradient(mean: Tensor<3>, batch: &Batch) -> Tensor<3> {
     if mean.is_tracked() {
         return mean;

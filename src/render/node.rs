@@ -1,7 +1,7 @@
-//! A node of burn's autodiff graph whose backward pass is not made of tensor operations: images of both engines hang on
-//! one, so that their memory grows with neither samples nor bounces.
+//! A node of burn's autodiff graph with a backward pass of its own rather than tensor operations. The images of both
+//! engines are such nodes, so their memory grows with neither samples nor bounces.
 
-#![allow(deprecated)] // burn deprecates ndarray; users ask for it
+#![allow(deprecated)] // burn deprecates ndarray, which this crate still supports
 
 use std::fmt;
 use std::sync::Arc;
@@ -22,19 +22,19 @@ type OnHost = dyn Fn(&TensorData) -> Vec<f64> + Send + Sync;
 #[cfg(feature = "wgpu")]
 type OnGpu = dyn Fn(&FloatTensor<Cube>) -> FloatTensor<Cube> + Send + Sync;
 
-/// From the gradient of the output `[R, C]` to that of the parameters `[N]`.
+/// A function from the upstream gradient of the output `[R, C]` to the gradient of the parameters `[N]`.
 pub(super) enum Derivative {
     Host(Box<OnHost>),
-    /// Of an image on a GPU, which its gradient does not leave.
+    /// For an image on a GPU. Its gradient stays there.
     #[cfg(feature = "wgpu")]
     Gpu(Box<OnGpu>),
 }
 
-/// The derivative of an output.
+/// The derivative of an output, shared by the nodes of the graph.
 #[derive(Clone)]
 pub(super) struct SharedDerivative {
     of: Arc<Derivative>,
-    /// Of the parameters.
+    /// The shape of the parameters.
     shape: [usize; 1],
     dtype: DType,
     device: Device,
@@ -46,7 +46,7 @@ impl fmt::Debug for SharedDerivative {
     }
 }
 
-/// A backend without autodiff, on which gradients are computed.
+/// A backend without autodiff that computes gradients.
 pub(super) trait ImageGradient: Backend {
     fn gradient(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
         match &*derivative.of {
@@ -94,7 +94,7 @@ impl ImageGradient for Cube {
     Cube: cfg(feature = "wgpu")
 )]
 pub(super) trait NodeBackend: Backend {
-    /// The output as it is, with the parameters as its parent.
+    /// Returns the unchanged output with the parameters as its parent.
     fn attach(
         parameters: FloatTensor<Self>,
         output: FloatTensor<Self>,
@@ -102,7 +102,7 @@ pub(super) trait NodeBackend: Backend {
     ) -> FloatTensor<Self>;
 }
 
-/// Backends without autodiff, on which the output stays as it is.
+/// Implements [`NodeBackend`] for backends without autodiff, which return the output unchanged.
 macro_rules! without_autodiff {
     ($($feature:literal $backend:ident),*) => {
         $(
@@ -158,7 +158,7 @@ impl<B: NodeBackend + ImageGradient, C: CheckpointStrategy> NodeBackend for Auto
     }
 }
 
-/// `output` with `parameters` as its parent, and the gradient of these.
+/// Returns `output` with `parameters` as its parent and `derivative` as its backward pass.
 pub(super) fn attach(
     parameters: Tensor<1>,
     output: Tensor<2>,

@@ -14,30 +14,32 @@ use crate::sampling::{Sampler, Sampling};
 use crate::scene::{Bounds, Normalization};
 use crate::tensors::Visibility;
 
-/// Bounces of a path, at most.
+/// The maximum number of bounces of a path.
 const MOST_BOUNCES: u32 = 10_000;
 
-/// Samples of a pixel with adaptive sampling, at most.
+/// The maximum number of samples per pixel with adaptive sampling.
 const MOST_ADAPTIVE: u32 = 1 << 24;
 
-/// The program that computes a render. Both give the same image, up to rounding, for the same seed.
+/// The program that computes a render. For cones and the same seed, all give the same image, up to rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Engine {
-    /// Kernels for cones, tensors for the softmax.
+    /// Kernels for [`Visibility::Cone`], tensor operations for [`Visibility::Softmax`]. The default.
     #[default]
     Auto,
-    /// Kernels with derivatives by hand, on a GPU if the tensors lie on one and are f32, else on the host. They
-    /// know cones, not the softmax.
+    /// Kernels with hand-written derivatives. They run on a GPU if the scene's tensors are f32 and on one, and on the
+    /// host otherwise. They support cones only: the softmax is an error.
     Kernels,
-    /// A program of tensor operations on the scene's device, with burn's derivatives: much slower, the
-    /// specification of what the kernels do. Which triangle a ray of a cone hits is asked of the host, and
-    /// how visibility changes the gradient is added by the kernels.
+    /// Tensor operations on the scene's device, with burn's autodiff. This engine is the specification of the kernels,
+    /// and much slower. For cones, the host intersects rays with triangles, and the kernels add the boundary terms of
+    /// gradients.
     Tensors,
 }
 
-/// The options of a render. Files have them by burn's [`Config`]; the cache of boxes and what is called after
-/// tiles are not part of a file, and what a file leaves out has its default.
+/// The options of a render.
+///
+/// burn's [`Config`] saves and loads them as files. A file does not contain the cache and the progress callback. Fields
+/// that a file omits have their defaults.
 ///
 /// ```
 /// use burn::config::Config;
@@ -61,7 +63,7 @@ pub struct RenderOptions {
     pub(super) bounces: u32,
     pub(super) visibility: Visibility,
     pub(super) engine: Engine,
-    /// The half-angle of all cones, the camera's too.
+    /// The half-angle of all cones, including those of camera rays, in radians.
     pub(super) blur: Option<f64>,
     pub(super) sampling: Sampling,
     pub(crate) seed: u64,
@@ -70,7 +72,7 @@ pub struct RenderOptions {
     pub(super) adaptive: bool,
     pub(super) adaptive_edges: bool,
     bounds: Option<Bounds>,
-    /// The normalization where no bounds are set.
+    /// The normalization to use if `bounds` is not set.
     #[serde(skip)]
     normalization: Option<Normalization>,
     pub(super) outputs: Outputs,
@@ -87,7 +89,7 @@ pub struct RenderOptions {
 
 impl Config for RenderOptions {}
 
-/// The outputs beside radiance.
+/// The outputs in addition to radiance.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Outputs {
@@ -98,18 +100,18 @@ pub(super) struct Outputs {
 }
 
 impl Outputs {
-    /// Whether opacity is rendered: depth and normals are per opacity.
+    /// Whether opacity is rendered. Depth and normals need it, since they are divided by it.
     pub fn need_opacity(self) -> bool {
         self.opacity || self.depth || self.normals
     }
 }
 
-/// What is called after each tile.
+/// The callback that runs after each tile.
 #[derive(Clone, Default)]
 pub(super) struct Progress(Option<Arc<dyn Fn(usize, usize) + Send + Sync>>);
 
 impl Progress {
-    /// One more tile of so many is done.
+    /// Counts one more finished tile of `all` and runs the callback.
     pub fn tile(&self, done: &AtomicUsize, all: usize) {
         let n = done.fetch_add(1, Ordering::Relaxed) + 1;
         if let Some(call) = &self.0 {
@@ -124,7 +126,7 @@ impl fmt::Debug for Progress {
     }
 }
 
-/// Methods of options that set one field each: `name(argument) field = value`.
+/// Defines methods that set one field each: `name(argument) field = value`.
 macro_rules! setters {
     ($($(#[$doc:meta])* $name:ident($($argument:ident: $type:ty)?) $($field:ident).+ = $value:expr;)*) => {$(
         $(#[$doc])*
@@ -136,8 +138,7 @@ macro_rules! setters {
 }
 
 impl RenderOptions {
-    /// An image of width × height pixels: 16 samples, 3 bounces, cones without an angle,
-    /// seed 0.
+    /// Options for an image of `width` × `height` pixels, with 16 samples, 3 bounces, cones of angle 0 and seed 0.
     pub fn new(width: usize, height: usize) -> Self {
         Self {
             width,
@@ -166,122 +167,133 @@ impl RenderOptions {
         }
     }
 
-    /// The defaults of a file, which [`Self::check`] refuses where it gives no size.
+    /// The defaults of a file. [`Self::check`] returns an error if the file omits the size.
     fn without_size() -> Self {
         Self::new(0, 0)
     }
 
     setters! {
-        /// Paths a pixel.
+        /// Sets the number of samples (paths) per pixel; 16 by default, at least 1.
         samples(samples: u32) samples = samples;
-        /// Bounces after the surface that the camera sees; 0 is direct light only.
+        /// Sets the number of bounces after the first visible surface; 3 by default, at most 10,000. 0 is direct light
+        /// only.
         bounces(bounces: u32) bounces = bounces;
-        /// The program that computes the render.
+        /// Sets the program that computes the render; [`Engine::Auto`] by default.
         engine(engine: Engine) engine = engine;
-        /// The choice of random numbers, surfaces and emitters.
+        /// Sets how random numbers, surfaces and emitters are sampled.
         sampling(sampling: Sampling) sampling = sampling;
-        /// Same seed, same image.
+        /// Sets the seed of the random numbers; 0 by default. The same seed gives the same image.
         seed(seed: u64) seed = seed;
-        /// Ends paths at random, in proportion to their throughput, after the given bounce and every
-        /// later one (0: after the surface that the camera sees).
+        /// Enables Russian roulette after the given bounce and every later one (0: after the first visible surface).
+        /// A path continues with a probability of its largest throughput component, clamped to [0.05, 1]. Off by
+        /// default.
         russian_roulette(after: u32) roulette_after = Some(after);
-        /// Adaptive sampling: each pixel has between ¼ and 16 times [`samples`](Self::samples) paths, the more the
-        /// noisier the image is about it and the fewer rays its paths have, so that all take about as long as without.
-        /// How noisy it is comes from two images of a 64th as many samples, which are not part of the result, so each
-        /// pixel's mean stays unbiased. Where they show that little would be gained, all pixels have `samples`. It
-        /// pays off where noise sits in few pixels, such as in penumbras and at the outlines of lamps. Gradients have `samples` paths of each pixel, and so have lists of pixels
-        /// ([`render_pixels`](super::render_pixels)) and renders of less than 32 samples. The softmax and
-        /// [`Engine::Tensors`] don't know it.
+        /// Enables adaptive sampling: each pixel has between ¼ and 16 times [`samples`](Self::samples) paths. Off by
+        /// default.
+        ///
+        /// Pixels have more paths where the image is noisier and where paths have fewer rays. A render takes about as
+        /// long as without. Two pilot images, each with 1/64 of the samples, measure the noise. They are
+        /// not part of the result, so each pixel's mean is unbiased. If they show that little would be gained, all
+        /// pixels have `samples` paths. Adaptive sampling pays off if few pixels hold most of the noise, such as
+        /// penumbras and the outlines of lamps.
+        ///
+        /// Gradients, lists of pixels ([`render_pixels`](super::render_pixels)) and renders with fewer than 32 samples
+        /// use `samples` paths for each pixel. With the softmax, [`Engine::Tensors`] or more than 2²⁴ samples, a render
+        /// returns an error.
         adaptive() adaptive = true;
-        /// Whether a gradient measures how to divide its time between edges of shadows, of reflected light and on the
-        /// film (on by default): of an eighth of the pixels it adds up how much the edges of each kind vary and cost, and
-        /// gives each kind in the others ⅛ to 8 times the usual number of samples. Gradients stay unbiased and repeat.
-        /// Renders of less than 8,192 paths, and GPUs, take the usual numbers.
+        /// Enables or disables adaptive numbers of edge samples in gradients (enabled by default).
+        ///
+        /// There are three kinds of edges: of shadows, of reflected light, and on the film. An eighth of the pixels
+        /// measures the variance and the cost of each kind. In the other pixels each kind has ⅛ to 8 times its usual
+        /// number of samples. Gradients stay unbiased and reproducible. GPUs use the usual numbers, and so does a view
+        /// in which the loss depends on fewer than 8,192 paths.
         adaptive_edges(adaptive: bool) adaptive_edges = adaptive;
-        /// The most rays processed at once. Bounds the memory of a render without gradient; by
-        /// default chosen from the number of triangles.
+        /// Sets the maximum number of camera rays per tile, at least 1. It bounds the memory of a render without
+        /// gradient: each host thread processes one tile at a time. By default host kernels use 8,192, and tensors
+        /// choose it from the number of triangles that they pair with a ray. Kernels on a GPU ignore it.
         rays_per_tile(rays: usize) rays_per_tile = Some(rays);
-        /// For the softmax: sets the scale of depths and tolerances by the sphere about the center of a box
-        /// through its corners, in place of one around the scene's vertices. Finite differences need the same
-        /// bounds on both sides; see [`Scene::bounds`](crate::scene::Scene::bounds).
+        /// Softmax only: sets the bounding box (scene units) whose circumscribed sphere sets the scale of depths and
+        /// tolerances. By default the sphere is around the scene's vertices. Finite differences need the same bounds on
+        /// both sides; see [`Scene::bounds`](crate::scene::Scene::bounds).
         bounds(bounds: Bounds) bounds = Some(bounds);
-        /// For the softmax: triangles that cover less of a ray than this, and what lies behind more than 1 − this, are
-        /// left out (1e-4 by default).
+        /// Softmax only: sets the cutoff, in (0, 0.5); 1e-4 by default. A ray may skip triangles that cover less of it
+        /// than the cutoff, and surfaces behind an opacity of more than 1 − cutoff.
         cutoff(cutoff: f64) cutoff = cutoff;
-        /// The most bytes that the images of a call may take, 4 GiB unless set: larger ones are an error
-        /// before anything is rendered.
+        /// Sets the maximum size in bytes of the images of a call; 4 GiB by default. Larger images are an error before
+        /// anything is rendered. The size counts radiance, opacity, depth and normals, at 4 bytes per number.
         memory_limit(bytes: u64) memory_limit = bytes;
-        /// Also returns the opacity `[H, W]`: the share of a pixel that surfaces cover, 0 to 1.
+        /// Also returns the opacity `[H, W]`: the fraction of a pixel that surfaces cover, 0 to 1.
         with_opacity() outputs.opacity = true;
-        /// Also returns the depth `[H, W]`: the mean distance along the camera rays to the surfaces that they
-        /// hit, in scene units; 0 where they hit none. It is not PyTorch3D's `zbuf`, which is measured along
-        /// the view axis: [`Camera::axial_depth`](crate::scene::Camera::axial_depth) converts it.
+        /// Also returns the depth `[H, W]`: the mean distance along the primary rays to the surfaces that they hit, in
+        /// scene units. Pixels without a hit have depth 0. PyTorch3D's `zbuf` differs: it is measured along the view
+        /// axis. [`Camera::axial_depth`](crate::scene::Camera::axial_depth) converts the depth to it.
         with_depth() outputs.depth = true;
-        /// Also returns normals `[H, W, 3]`: the mean geometric normal of the surfaces that camera rays hit, on
-        /// the side that faces the camera, in scene axes; 0 where they hit none.
+        /// Also returns normals `[H, W, 3]`: the mean geometric normal of the surfaces that primary rays hit, on the
+        /// side that faces the camera, in scene axes. Pixels without a hit have normal 0.
         with_normals() outputs.normals = true;
-        /// Also returns object ids `[H, W]`: the number of the object, in the scene's order, that covers most of a
-        /// pixel; −1 for the background. Ids have no gradient.
+        /// Also returns object ids `[H, W]`: the index, in the scene's order, of the object that covers most of a
+        /// pixel, or −1 for the background. Ids have no gradient.
         with_object_ids() outputs.object_ids = true;
-        /// Also counts what is degenerate ([`Diagnostics`](super::Diagnostics)); for the softmax that takes time.
+        /// Also counts degenerate cases ([`Diagnostics`](super::Diagnostics)). This slows down the softmax.
         with_diagnostics() diagnostics = true;
-        /// Also counts the rays of images that a GPU renders ([`Statistics`](super::Statistics)): that traces their
-        /// paths once more and waits for them. On the host they are always counted.
+        /// Also counts the rays of images that GPU kernels render ([`Statistics`](super::Statistics)). This traces
+        /// their paths once more and waits for the result. Renders on the host always count rays.
         with_statistics() statistics = true;
-        /// For the softmax: tests every triangle for every ray, in tensors, as it does on GPUs. Slow; it is the
-        /// specification of what is done by a hierarchy of boxes.
+        /// Softmax only: tests every triangle for every ray, in tensors, as renders on GPUs always do. It is slow, and
+        /// the specification of the BVH.
         brute_force() brute_force = true;
     }
 
-    /// One number for the blur of all rays, for a fit whose blur falls: the half-angle of cones in
-    /// radians, of camera rays too where that is wider than the pixel filter; or σ of the softmax in
-    /// scene units squared. [`RenderOptions::visibility`] sets each on its own.
+    /// Sets the blur of all rays by one number, for fits that reduce the blur step by step.
+    ///
+    /// For cones it is the half-angle in radians. It also applies to camera rays if it is wider than the pixel filter.
+    /// For the softmax it is σ in scene units squared. [`RenderOptions::visibility`] sets each value on its own.
     pub fn blur(mut self, blur: f64) -> Self {
         self.visibility.set_blur(blur);
         self.blur = (!self.visibility.is_softmax()).then_some(blur);
         self
     }
 
-    /// The form of visibility: hard surfaces by rays of cones, or the paper's softmax, each with its blur.
+    /// Sets the form of visibility and its blur: hard surfaces with cones of rays, or the paper's softmax.
     pub fn visibility(mut self, visibility: Visibility) -> Self {
         self.visibility = visibility;
         self.blur = None;
         self
     }
 
-    /// The options that [`render_batch`](super::render_batch) renders the view of that index with: the
-    /// same but for the seed, so that views have random numbers of their own. View 0 has the seed that
-    /// is set.
+    /// The options with which [`render_batch`](super::render_batch) renders the view at `index`. Only the seed differs,
+    /// so that each view has its own random numbers. View 0 keeps the seed.
     pub fn of_view(&self, index: usize) -> Self {
         let seed = self.seed;
         self.clone()
             .seed(seed.wrapping_add((index as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)))
     }
 
-    /// This where no bounds are set.
+    /// Sets the normalization to use if no bounds are set.
     pub(crate) fn normalization_or(mut self, normalization: Normalization) -> Self {
         self.normalization = Some(normalization);
         self
     }
 
-    /// The scale of depths and tolerances, if the scene does not set it.
+    /// The scale of depths and tolerances; `None` if the scene sets it.
     pub(super) fn normalization(&self) -> Option<Normalization> {
         self.bounds.map(Normalization::from).or(self.normalization)
     }
 
-    /// Keeps what a render prepares for the next ([`HierarchyCache`]).
+    /// Sets the cache that keeps prepared data for the next render ([`HierarchyCache`]).
     pub fn cache(mut self, cache: &HierarchyCache) -> Self {
         self.cache = Some(cache.clone());
         self
     }
 
-    /// Calls a function after each tile with the number of tiles done and of all tiles.
+    /// Sets a callback that runs after each tile of a forward pass with two arguments: the number of finished tiles and
+    /// the number of all tiles. Kernels on a GPU do not call it.
     pub fn progress(mut self, call: impl Fn(usize, usize) + Send + Sync + 'static) -> Self {
         self.progress = Progress(Some(Arc::new(call)));
         self
     }
 
-    /// That images of so many pixels in all may be rendered.
+    /// Checks that images with `pixels` pixels in total are within the memory limit.
     pub(super) fn check_memory(&self, pixels: u128) -> Result<()> {
         let o = self.outputs;
         let channels = [(true, 3), (o.opacity, 1), (o.depth, 1), (o.normals, 3)];
@@ -303,7 +315,7 @@ impl RenderOptions {
         Error::invalid("options", "width × height", size, expected)
     }
 
-    /// That all values are in their ranges.
+    /// Checks that all values are in their ranges.
     pub(crate) fn check(&self) -> Result<()> {
         let wrong = |field, value: &dyn ToString, expected: &str| {
             Err(Error::invalid(
@@ -358,7 +370,7 @@ impl RenderOptions {
     }
 }
 
-/// The random numbers of a render.
+/// The sampler of a render's random numbers.
 pub(super) fn sampler(o: &RenderOptions) -> Sampler {
     let most = if o.adaptive {
         o.samples * MOST

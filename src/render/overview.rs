@@ -1,4 +1,4 @@
-//! A camera for a scene that nobody has chosen one for.
+//! Chooses a camera for a scene.
 
 use std::sync::Arc;
 
@@ -11,18 +11,19 @@ use crate::error::Result;
 use crate::geometry::host_values;
 use crate::scene::{Camera, Detach, Framing, Scene, visit_scene};
 
-/// Rows and columns of the images that directions are compared by.
+/// The width and height in pixels of the images that compare directions.
 const GRID: usize = 24;
 
-/// A scene that shows less from everywhere is closed.
+/// A scene that shows less than this from every direction is closed.
 const DARK: f64 = 0.02;
 
-/// A direction that shows this share of the best one will do.
+/// The first direction that shows at least this fraction of the best one is chosen.
 const NEARLY: f64 = 0.5;
 
-/// A camera that has the whole of a scene in view from a side where it is open and lit: an open room is seen
-/// through its missing wall, an object from the front, a little above. It compares small renders from
-/// eleven directions. A closed room is seen from inside.
+/// Returns a camera that shows the whole scene from a side where it is open and lit.
+///
+/// The function compares small renders from eleven directions. The camera looks at an object from the front and a
+/// little above, into an open room through its missing wall, and at a closed room from inside.
 ///
 /// ```
 /// use softray::prelude::*;
@@ -43,7 +44,7 @@ pub fn overview(scene: &Scene) -> Result<Camera> {
         visit_scene(&mut scene, &mut Detach);
     }
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
-    // The first one is that of an object.
+    // The first direction suits objects.
     let mut directions = vec![0.4 * x + 0.4 * y + z, z, -z, x, -x, y, -y];
     for [i, j] in [[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]] {
         directions.push(i * x + 0.6 * y + j * z);
@@ -66,7 +67,7 @@ pub fn overview(scene: &Scene) -> Result<Camera> {
     Ok(if more > shown { view } else { camera })
 }
 
-/// The first camera that shows nearly as much as any.
+/// Returns the first camera that shows nearly as much as the best one.
 fn best(scene: &Scene, cameras: Vec<Camera>) -> Result<(f64, Camera)> {
     let all = shown(scene, &cameras)?;
     let most = all.iter().copied().fold(0.0, f64::max);
@@ -77,7 +78,7 @@ fn best(scene: &Scene, cameras: Vec<Camera>) -> Result<(f64, Camera)> {
     }
 }
 
-/// For each camera the share of the pixels with surfaces in which they are lit.
+/// Returns [`lit`] for each camera.
 fn shown(scene: &Scene, cameras: &[Camera]) -> Result<Vec<f64>> {
     if cameras.is_empty() {
         return Ok(Vec::new());
@@ -86,9 +87,9 @@ fn shown(scene: &Scene, cameras: &[Camera]) -> Result<Vec<f64>> {
         .samples(4)
         .bounces(2)
         .with_opacity();
-    // In one batch, which packs the scene once.
+    // One batch packs the scene once.
     let batch = Batch::product(vec![scene.clone()], cameras)?;
-    // By a list of pixels, whose images may be black without a warning.
+    // With a list of pixels, a black image logs no warning.
     let pixels = Arc::new((0..(GRID * GRID) as u32).collect());
     let images = render_views(&batch, &options, Some(pixels))?;
     let radiance = host_values(&images.radiance)?;
@@ -105,8 +106,8 @@ fn shown(scene: &Scene, cameras: &[Camera]) -> Result<Vec<f64>> {
         .collect())
 }
 
-/// The share of the pixels with surfaces in which they are lit, as an eye that has adapted sees it: bright parts do
-/// not count for more than others.
+/// The fraction of the covered pixels that is lit. Luminance is compressed as by an adapted eye, so that bright parts
+/// do not count more than others.
 fn lit(radiance: &[f64], opacity: &[f64]) -> f64 {
     let brightest = radiance.iter().copied().fold(0.0, f64::max);
     if brightest <= 0.0 {
@@ -116,7 +117,7 @@ fn lit(radiance: &[f64], opacity: &[f64]) -> f64 {
     let pixels = radiance.chunks_exact(3).zip(opacity);
     let lit = pixels.map(|(rgb, opacity)| {
         let luminance = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
-        // Lights are far brighter than what they light: half of full marks for a hundredth of the brightest.
+        // Lights are far brighter than lit surfaces, so a hundredth of the maximum already has weight ½.
         opacity * luminance / (luminance + 0.01 * brightest)
     });
     lit.sum::<f64>() / covered.max(1.0)

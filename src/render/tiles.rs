@@ -1,10 +1,10 @@
-//! Pixels and their samples in pieces.
+//! Tiles of pixels and samples.
 
 use std::ops::Range;
 
 use super::options::RenderOptions;
 
-/// Pixels `first..first + pixels` with samples `from..to`.
+/// The pixels `first..first + pixels` with the samples `from..to` of each.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tile {
     pub first: usize,
@@ -13,7 +13,8 @@ pub(super) struct Tile {
     pub to: u32,
 }
 
-/// Samples of pixels in pieces of about so many rays, unless the options say how many: in order of pixels, then samples.
+/// Divides the samples of pixels into tiles of about `rays` rays, in order of pixels, then samples. `rays_per_tile` of
+/// the options takes precedence.
 pub(super) fn tiles(
     options: &RenderOptions,
     pixels: usize,

@@ -1,4 +1,4 @@
-//! Boxes around meshes and scenes.
+//! Bounding boxes of meshes and scenes.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use super::parameter::Range;
 use super::{Mesh, Scene};
 use crate::error::{Error, Result};
 
-/// An axis-aligned box around a [`Mesh`] or a [`Scene`], in scene units.
+/// An axis-aligned bounding box of a [`Mesh`] or a [`Scene`], in scene units.
 ///
 /// ```
 /// use softray::prelude::*;
@@ -20,20 +20,20 @@ use crate::error::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bounds {
-    /// The least coordinates.
+    /// The smallest coordinates.
     pub min: [f64; 3],
-    /// The greatest coordinates.
+    /// The largest coordinates.
     pub max: [f64; 3],
 }
 
 impl Bounds {
-    /// The box around points; None if there are none.
+    /// Returns the bounding box of points, or None if there are none.
     pub fn of_points(points: impl IntoIterator<Item = [f64; 3]>) -> Option<Self> {
         let point = |p| Self { min: p, max: p };
         points.into_iter().map(point).reduce(|a, b| a.union(&b))
     }
 
-    /// The box around both boxes.
+    /// Returns the bounding box of both boxes.
     pub fn union(&self, other: &Self) -> Self {
         Self {
             min: std::array::from_fn(|i| self.min[i].min(other.min[i])),
@@ -41,23 +41,24 @@ impl Bounds {
         }
     }
 
-    /// The middle of the box.
+    /// Returns the center of the box.
     pub fn center(&self) -> [f64; 3] {
         std::array::from_fn(|i| 0.5 * self.min[i] + 0.5 * self.max[i])
     }
 
-    /// The lengths of the box's sides along x, y and z.
+    /// Returns the lengths of the sides along x, y and z.
     pub fn size(&self) -> [f64; 3] {
         std::array::from_fn(|i| self.max[i] - self.min[i])
     }
 
-    /// The radius of the sphere about the [`center`](Self::center) that goes through the box's corners,
-    /// which is half the box's diagonal. All that is in the box is in this sphere.
+    /// Returns the radius of the sphere about the [`center`](Self::center) that passes through the corners: half the
+    /// diagonal.
+    /// The sphere contains the box.
     pub fn radius(&self) -> f64 {
         0.5 * glam::DVec3::from(self.size()).length()
     }
 
-    /// Checks that what is in the box is more than a point, in the numbers that coordinates have.
+    /// Checks that the box is larger than a point in the precision of f32.
     pub(crate) fn check_extent(&self) -> Result<()> {
         let reach = self.min.iter().chain(&self.max);
         let reach = reach.fold(0.0f64, |reach, v| reach.max(v.abs()));
@@ -67,7 +68,7 @@ impl Bounds {
         Error::unless(self.radius() > least, "scene", "bounds", found, expected)
     }
 
-    /// The box moved by an offset.
+    /// Returns the box moved by an offset.
     fn moved(&self, offset: [f64; 3]) -> Self {
         Self {
             min: std::array::from_fn(|i| self.min[i] + offset[i]),
@@ -77,11 +78,11 @@ impl Bounds {
 }
 
 impl Mesh {
-    /// The box around the mesh's faces, on the host. Vertices that no face names don't count.
+    /// Computes the bounding box of the mesh's faces, on the host. Vertices that no face uses are ignored.
     ///
     /// # Errors
-    /// If the mesh has no face, a face has an index out of range, the vertices are not `[V, 3]` or not
-    /// finite, or they can't be read from their device.
+    /// If the mesh has no face, a face has an index out of range, the vertices are not `[V, 3]` or not finite, they
+    /// can't be read from their device, or the mesh was built with a mistake (e.g. scaled by NaN).
     pub fn bounds(&self) -> Result<Bounds> {
         self.bounds_as("mesh")?.ok_or_else(|| {
             let expected = "at least one face, which bounds are around";
@@ -89,7 +90,7 @@ impl Mesh {
         })
     }
 
-    /// The bounds of the mesh, which messages call `name`; None if it has no faces.
+    /// Returns the bounding box of the mesh, or None if it has no faces. Error messages use the name `name`.
     fn bounds_as(&self, name: &str) -> Result<Option<Bounds>> {
         let vertices = self.checked_vertices(name)?;
         let corners = self.faces.iter().flatten().map(|&v| vertices[v as usize]);
@@ -98,10 +99,11 @@ impl Mesh {
 }
 
 impl Scene {
-    /// The box around all objects, emitters too, on the host. An object that moves counts with its place at
-    /// the beginning and at the end of the shutter. What is large counts like all else: with a ground
-    /// plane of 1000 units the box is that wide, so where the objects on it matter take their
-    /// [`Mesh::bounds`] and their [`Bounds::union`].
+    /// Computes the bounding box of all objects, emitters included, on the host.
+    ///
+    /// A moving object is included at the start and at the end of the shutter. Large objects are included as well: a
+    /// ground plane of 1000 units makes the box that wide. For the box of a few objects, combine their [`Mesh::bounds`]
+    /// by [`Bounds::union`].
     ///
     /// ```
     /// use softray::prelude::*;
@@ -115,7 +117,8 @@ impl Scene {
     /// ```
     ///
     /// # Errors
-    /// If the scene has no triangle, or as [`Mesh::bounds`], or a velocity is not three finite numbers.
+    /// If the scene has no triangle, a mesh has an error of [`Mesh::bounds`], or a velocity is not three finite
+    /// numbers.
     pub fn bounds(&self) -> Result<Bounds> {
         let mut all: Option<Bounds> = None;
         for object in &self.objects {

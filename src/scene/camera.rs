@@ -4,59 +4,59 @@ use super::Parameter;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, detached};
 
-/// A camera in right-handed coordinates. Pixel (0, 0) is at the upper left. By default it is a pinhole with a
-/// perspective projection.
+/// A camera in right-handed coordinates.
+/// Pixel (0, 0) is at the upper left. By default the camera is a pinhole with a perspective projection.
 #[derive(Clone, Debug)]
 pub struct Camera {
-    /// Position, scene units.
+    /// Position, in scene units.
     pub eye: Parameter<3>,
-    /// The point that the camera looks at, scene units.
+    /// A point on the view axis in front of the eye, in scene units.
     pub target: Parameter<3>,
-    /// A direction that points up in the image, of any length; it need not be at right angles to the view axis.
+    /// A direction that points up in the image, of any length but 0, at any angle to the view axis but 0° and 180°.
     pub up: Parameter<3>,
-    /// How points of the scene are projected onto the image.
+    /// The projection of points of the scene onto the image.
     pub projection: Projection,
-    /// A thin lens in place of a pinhole.
+    /// A thin lens, or None for a pinhole.
     pub lens: Option<ThinLens>,
 }
 
-/// How a camera projects.
+/// The projection of a camera.
 #[derive(Clone, Debug)]
 pub enum Projection {
     /// Perspective about the middle of the image, with square pixels.
     Perspective {
-        /// Vertical field of view, degrees in (0, 180).
+        /// Vertical field of view, in degrees in (0, 180).
         fov_y: Parameter<1>,
     },
-    /// Perspective by the matrix K of a camera that was calibrated for images of a given size. A render of another size
-    /// shows the same view.
+    /// Perspective by the matrix K of a camera that was calibrated for images of a given size.
+    /// A render of another size shows the same view.
     Intrinsics {
-        /// Focal lengths (f_x, f_y), pixels.
+        /// Focal lengths (f_x, f_y), in pixels, > 0.
         focal: Parameter<2>,
-        /// Where the view axis meets the image (c_x, c_y), pixels from the upper left corner.
+        /// Principal point (c_x, c_y), where the view axis meets the image, in pixels from the upper left corner.
         principal: Parameter<2>,
         /// Columns and rows of the images that K was calibrated for.
         size: [usize; 2],
     },
-    /// Parallel rays along the view axis from the plane of the eye, with square pixels. What is behind the
-    /// eye is not seen.
+    /// Parallel rays along the view axis that start at the plane of the eye, with square pixels.
+    /// Points behind the eye are not visible.
     Orthographic {
-        /// Height of the image, scene units.
+        /// Height of the image, in scene units, > 0.
         height: Parameter<1>,
     },
 }
 
-/// A thin lens.
+/// A thin lens. It requires a perspective projection.
 #[derive(Clone, Debug)]
 pub struct ThinLens {
-    /// Radius of the aperture, scene units.
+    /// Radius of the aperture, in scene units, ≥ 0.
     pub aperture_radius: Parameter<1>,
-    /// Distance of the plane in focus along the view axis, scene units.
+    /// Distance of the plane in focus along the view axis, in scene units, > 0.
     pub focus_distance: Parameter<1>,
 }
 
 impl Camera {
-    /// A pinhole camera with y up and 40° of vertical field of view.
+    /// Creates a pinhole camera with up vector (0, 1, 0) and a vertical field of view of 40°.
     pub fn look_at(eye: impl Into<Parameter<3>>, target: impl Into<Parameter<3>>) -> Self {
         Self {
             eye: eye.into(),
@@ -83,7 +83,7 @@ impl Camera {
         self
     }
 
-    /// Sets a projection by parallel rays, with the height of the image in scene units.
+    /// Sets an orthographic projection (parallel rays). `height` is the height of the image in scene units.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -100,7 +100,7 @@ impl Camera {
         self
     }
 
-    /// Sets a thin lens with an aperture radius (≥ 0) and a focus distance (> 0), both in scene units.
+    /// Sets a thin lens. The aperture radius (≥ 0) and the focus distance (> 0) are in scene units.
     pub fn thin_lens(
         mut self,
         aperture_radius: impl Into<Parameter<1>>,
@@ -113,7 +113,7 @@ impl Camera {
         self
     }
 
-    /// That values which are each in their range are a view.
+    /// Checks that values which are each in their range define a view together.
     pub(super) fn check_view(&self) -> Result<()> {
         let wrong = |field: &str, found: String, expected: &str| {
             Err(Error::invalid("camera", field, found, expected))
@@ -142,9 +142,9 @@ impl Camera {
         Ok(())
     }
 
-    /// Unit vectors forward, right and up, as `[1, 1]` planes.
+    /// Returns the unit vectors forward, right and up, as planes `[1, 1]`.
     fn axes(&self, context: &Context) -> [Vec3; 3] {
-        // Their lengths may be too small or large for squares in the scene's float type.
+        // The vectors are scaled first: their squares may overflow or underflow in the scene's float type.
         let host = |p: &Parameter<3>| glam::DVec3::from(p.values().unwrap_or([0.0; 3]));
         let length = (host(&self.target) - host(&self.eye)).length();
         let forward = match (&self.eye, &self.target) {
@@ -166,13 +166,13 @@ impl Camera {
         [forward, right, up]
     }
 
-    /// 0, with the derivative of 1/[`half_height`](Self::half_height), relative to its value.
+    /// Returns 0 with the relative derivative of 1/[`half_height`](Self::half_height).
     fn growth(&self, context: &Context, high: &Tensor<2>) -> Tensor<2> {
         let growth = (high.clone().detach() - high.clone()) / high.clone().detach();
         if !self.projection.is_parallel() {
             return growth;
         }
-        // Of length 1, so that its square is in range.
+        // Scaled to length 1, so that its square is in range.
         let host = |p: &Parameter<3>| glam::DVec3::from(p.values().unwrap_or([0.0; 3]));
         let length = (host(&self.target) - host(&self.eye)).length();
         let view = self.target.vector(context).sub(&self.eye.vector(context));
@@ -181,10 +181,10 @@ impl Camera {
         growth + (square.clone() - square.detach()) * 0.5
     }
 
-    /// Rays through film points (rows `[1, N]` in units of the image, (0, 0) top left), from lens
-    /// points (rows, on the unit disk). Origins are relative to `centre`, in units of `unit`. `spread` (rows) is by how much
-    /// film points move away from their pixels, where that is in proportion to 1/[`half_height`](Self::half_height): its
-    /// derivative is in the graph.
+    /// Returns origins and directions of rays through film points. `film` has rows `[1, N]` in units of the image, with
+    /// (0, 0) at the top left. `disk` has lens points on the unit disk, as rows. Origins are relative to `centre`, in
+    /// units of `unit`. `spread` has the offsets of film points from their pixels, if these are proportional to
+    /// 1/[`half_height`](Self::half_height), as rows. It adds their derivative to the graph.
     ///
     /// # Errors
     /// If a tensor can't be read.
@@ -231,9 +231,9 @@ impl Camera {
         })
     }
 
-    /// Returns the depths along the view axis (PyTorch3D's `zbuf`, a rasteriser's depth) for depths along the rays
-    /// (`Image::depth`), both `[H, W]` in scene units: each depth is multiplied by the cosine between its pixel's
-    /// ray and the axis. The result is in the graph of the depths, not of the camera.
+    /// Converts depths along the rays (`Image::depth`) to depths along the view axis: PyTorch3D's `zbuf`, the depth of
+    /// a rasterizer. Both are `[H, W]` in scene units. Each depth is multiplied by the cosine between its pixel's ray
+    /// and the axis. The result is in the graph of the depths, not of the camera.
     ///
     /// # Errors
     /// If the camera is not valid.
@@ -259,14 +259,14 @@ impl Camera {
         Ok(depth * detached(&cosine))
     }
 
-    /// Whether rays need a point on the lens. They need none if the aperture is a constant 0.
+    /// Returns whether rays need a point on the lens. They need none if the aperture radius is a constant 0.
     pub(crate) fn has_lens(&self) -> bool {
         self.lens
             .as_ref()
             .is_some_and(|l| !matches!(l.aperture_radius, Parameter::Constant([0.0])))
     }
 
-    /// The half height of the view over the distance from the eye: for parallel rays it is taken at the target.
+    /// Returns half the view's height divided by the eye's distance (for parallel rays, the distance to the target).
     ///
     /// # Errors
     /// If a value is out of range or can't be read.
@@ -286,7 +286,7 @@ impl Projection {
         matches!(self, Self::Orthographic { .. })
     }
 
-    /// Its numbers.
+    /// Reads the values back to the host.
     ///
     /// # Errors
     /// If a tensor can't be read.
@@ -310,7 +310,7 @@ impl Projection {
         })
     }
 
-    /// The film of it ([`HostProjection::film`]) as planes `[1, 1]`, in the graph by its derivatives.
+    /// Returns [`HostProjection::film`] as planes `[1, 1]`, with [`HostProjection::slopes`] as their derivatives.
     fn planes(&self, context: &Context, unit: f64, aspect: f64) -> Result<[Tensor<2>; 4]> {
         let host = self.host()?;
         let mut planes = host.film(unit, aspect).map(|x| context.row(&[x]));
@@ -331,7 +331,7 @@ impl Projection {
     }
 }
 
-/// The numbers of a projection.
+/// The values of a projection on the host.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum HostProjection {
     Perspective {
@@ -352,9 +352,10 @@ impl HostProjection {
         matches!(self, Self::Orthographic { .. })
     }
 
-    /// Scale and shift of film points (x, y) in halves of the image's height, (0, 0) its middle, y up: s_x, s_y, t_x and
-    /// t_y. One is seen along (x·s_x + t_x)·right + (y·s_y + t_y)·up + forward; or with parallel rays, whose lengths are
-    /// in units of `unit`, from there, without `forward`.
+    /// Returns the scale and shift of film points: s_x, s_y, t_x and t_y.
+    /// Film points (x, y) are in halves of the image's height, with (0, 0) in its middle and y up. The ray of a film
+    /// point has the direction (x·s_x + t_x)·right + (y·s_y + t_y)·up + forward. For parallel rays the expression
+    /// without `forward` is the offset of the ray's origin from the eye, in units of `unit`.
     pub fn film(&self, unit: f64, aspect: f64) -> [f64; 4] {
         match *self {
             Self::Perspective { fov_y } => {
@@ -375,8 +376,8 @@ impl HostProjection {
         }
     }
 
-    /// The derivatives of the film by each of its numbers: a field of view, two focal lengths and a principal point, or a
-    /// height.
+    /// Returns the derivatives of the film with respect to each value: the field of view, or two focal lengths and the
+    /// principal point, or the height.
     pub fn slopes(&self, unit: f64, aspect: f64) -> Vec<[f64; 4]> {
         let [sx, sy, tx, ty] = self.film(unit, aspect);
         match *self {

@@ -4,11 +4,10 @@ use std::collections::HashSet;
 
 use burn::tensor::Tensor;
 
-use super::albedo::{ScalarTexture, Value};
-use super::material::LEAST_CONTRAST;
-use super::parameter::Range;
+use super::bsdf::LEAST_CONTRAST;
 use super::parameters::{ParameterId, Visit, look_at_scene, visit_camera};
-use super::{Bsdf, Camera, Channel, Material, Object, Parameter, Scene};
+use super::texture::{ScalarTexture, Value};
+use super::{Bsdf, Camera, ColorTexture, Material, Object, Parameter, Scene};
 use crate::device::{self, label};
 use crate::error::{Error, Result};
 use crate::geometry::{Context, first_outside, place_of};
@@ -89,45 +88,46 @@ impl Camera {
 impl Material {
     /// That constants make no energy and are in their ranges. Tensors may wander outside for a step of a fit.
     pub(crate) fn check_energy(&self, name: &str) -> Result<()> {
-        let (kd, ks) = (self.diffuse.constant(), self.specular.constant());
-        for (field, albedo) in [("diffuse", kd), ("specular", ks)] {
-            Range::NotNegative.check(name, field, albedo.as_ref().map_or(&[], |v| v))?;
+        for (channel, value) in self.clone().bsdf.channels() {
+            let range = channel.constants();
+            range.check(name, channel.row().0, value.constants())?;
         }
-        let is_phong = self.bsdf == Bsdf::Phong;
-        for (channel, value) in self.clone().all_channels() {
-            if is_phong == (channel == Channel::Shininess) {
-                let range = channel.constants();
-                range.check(name, channel.row().0, value.constants())?;
-            }
+        match &self.bsdf {
+            Bsdf::Phong {
+                diffuse, specular, ..
+            } => check_sum(name, diffuse, specular),
+            Bsdf::Dielectric { ior, .. } => check_contrast(name, ior),
+            _ => Ok(()),
         }
-        if !is_phong {
-            return self.check_contrast(name);
-        }
-        let (Some(d), Some(s)) = (kd, ks) else {
-            return Ok(());
-        };
-        let sum: [f64; 3] = std::array::from_fn(|i| d[i] + s[i]);
-        if sum.iter().all(|&x| x <= 1.0 + 1e-6) {
-            return Ok(());
-        }
-        let field = match (self.diffuse.reflects(), self.specular.reflects()) {
-            (_, false) => "diffuse",
-            (false, _) => "specular",
-            _ => "diffuse + specular",
-        };
-        let expected = "at most 1, or energy is made";
-        Err(Error::invalid(name, field, format!("{sum:?}"), expected))
     }
+}
 
-    /// That a constant index of refraction is not 1.
-    fn check_contrast(&self, name: &str) -> Result<()> {
-        let ScalarTexture::Constant(Parameter::Constant([ior])) = self.ior else {
-            return Ok(());
-        };
-        let expected = "a number that is at least 0.001 away from 1, or nothing is refracted";
-        let refracts = (ior - 1.0).abs() >= LEAST_CONTRAST;
-        Error::unless(refracts, name, "ior", ior, expected)
+/// That constant albedos are at most 1 together.
+fn check_sum(name: &str, diffuse: &ColorTexture, specular: &ColorTexture) -> Result<()> {
+    let (Some(d), Some(s)) = (diffuse.constant(), specular.constant()) else {
+        return Ok(());
+    };
+    let sum: [f64; 3] = std::array::from_fn(|i| d[i] + s[i]);
+    if sum.iter().all(|&x| x <= 1.0 + 1e-6) {
+        return Ok(());
     }
+    let field = match (diffuse.reflects(), specular.reflects()) {
+        (_, false) => "diffuse",
+        (false, _) => "specular",
+        _ => "diffuse + specular",
+    };
+    let expected = "at most 1, or energy is made";
+    Err(Error::invalid(name, field, format!("{sum:?}"), expected))
+}
+
+/// That a constant index of refraction is not 1.
+fn check_contrast(name: &str, ior: &ScalarTexture) -> Result<()> {
+    let ScalarTexture::Constant(Parameter::Constant([ior])) = *ior else {
+        return Ok(());
+    };
+    let expected = "a number that is at least 0.001 away from 1, or nothing is refracted";
+    let refracts = (ior - 1.0).abs() >= LEAST_CONTRAST;
+    Error::unless(refracts, name, "ior", ior, expected)
 }
 
 /// Checks the device and the float type of every tensor, up to the first mistake.

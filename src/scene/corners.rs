@@ -4,24 +4,24 @@ use std::sync::Arc;
 
 use burn::tensor::{Tensor, TensorData};
 
-/// Values at the corners of faces, with an index of their own: texture coordinates and normals
-/// have seams where positions have none.
+/// Values at the corners of faces, with their own indices.
+/// Texture coordinates and normals may have seams where positions have none.
 #[derive(Clone)]
 pub struct CornerAttribute {
-    /// `[V, C]`.
+    /// The values `[V, C]`.
     pub values: Tensor<2>,
     /// Rows of `values` for the three corners of each face.
     pub faces: Arc<Vec<[u32; 3]>>,
 }
 
 impl CornerAttribute {
-    /// Values `[V, C]`, and their rows at the three corners of each face.
+    /// Creates an attribute from values `[V, C]` and their rows at the three corners of each face.
     pub fn new(values: Tensor<2>, faces: impl Into<Arc<Vec<[u32; 3]>>>) -> Self {
         let faces = faces.into();
         Self { values, faces }
     }
 
-    /// Turns the bitangents of tangents to the other side, as those of a mirror image are.
+    /// Flips the sign of the bitangents of tangents, for a mirror image.
     pub(super) fn mirror(&mut self) {
         let device = self.values.device().inner();
         let sides = TensorData::new(vec![1.0f32, 1.0, 1.0, -1.0], [1, 4]);

@@ -3,10 +3,10 @@
 
 use std::fmt::{Debug, Formatter, Result};
 
-use super::albedo::Value;
+use super::texture::Value;
 use super::{
-    Albedo, Bsdf, Channel, CornerAttribute, Environment, Material, Mesh, Object, Parameter,
-    ScalarTexture, Scene,
+    BsdfKind, Channel, ColorTexture, CornerAttribute, Environment, Material, Mesh, Object,
+    Parameter, ScalarTexture, Scene,
 };
 use crate::debug::{Text, graph, place, tensor};
 
@@ -37,7 +37,7 @@ impl Debug for Value<'_> {
     }
 }
 
-impl Debug for Albedo {
+impl Debug for ColorTexture {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         self.clone().value().fmt(f)
     }
@@ -89,12 +89,13 @@ impl Debug for Material {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let name = format!("Material {:?}", self.name);
         let mut all = f.debug_struct(&name);
-        if self.bsdf != Bsdf::Phong {
-            all.field("bsdf", &self.bsdf);
+        let kind = self.bsdf.kind();
+        if kind != BsdfKind::Phong {
+            all.field("bsdf", &kind);
         }
         for (channel, value) in self.clone().channels() {
             let is_shown = match channel {
-                Channel::Specular | Channel::Shininess => self.specular.reflects(),
+                Channel::Specular | Channel::Shininess => self.bsdf.lobe().is_some(),
                 _ if channel.place() >= Channel::Emission.place() => {
                     value.constants().is_empty() || value.constants().iter().any(|&v| v != 0.0)
                 }

@@ -2,17 +2,17 @@
 
 use burn::tensor::Tensor;
 
-use super::albedo::Value;
+use super::texture::Value;
 use super::{Parameter, Wrap};
 use crate::geometry::any_positive;
 
-/// The radiance that arrives from infinity where rays miss all surfaces.
+/// The radiance that arrives from infinity along rays that miss all surfaces.
 #[derive(Clone)]
 pub enum Environment {
     /// The same radiance from all directions, RGB.
     Constant(Parameter<3>),
-    /// An equirectangular map of radiance `[H, W, 3]`, looked up bilinearly: row 0 about +y, the last
-    /// about −y; the middle column towards −z, columns to its right towards +x.
+    /// An equirectangular map of radiance `[H, W, 3]`, interpolated bilinearly.
+    /// Row 0 is about +y, the last row about −y. The middle column is towards −z, columns to its right are towards +x.
     Map(Tensor<3>),
 }
 
@@ -23,17 +23,17 @@ impl<P: Into<Parameter<3>>> From<P> for Environment {
 }
 
 impl Environment {
-    /// An equirectangular map of radiance `[H, W, 3]`; see [`Environment::Map`].
+    /// Creates an environment from an equirectangular map of radiance `[H, W, 3]`; see [`Environment::Map`].
     pub fn map(texels: Tensor<3>) -> Self {
         Self::Map(texels)
     }
 
-    /// Whether its radiance may be other than 0: false only for a constant 0.
+    /// Whether the radiance may be other than 0. False only for a constant 0.
     pub(crate) fn shines(&self) -> bool {
         !matches!(self, Self::Constant(Parameter::Constant(v)) if *v == [0.0; 3])
     }
 
-    /// Whether any of its values is above 0.
+    /// Whether any value is above 0 or can't be read.
     pub(super) fn has_light(&self) -> bool {
         match self {
             Self::Constant(p) => p.shines(),

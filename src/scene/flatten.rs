@@ -5,10 +5,10 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 use glam::DVec3;
 
-use super::albedo::Value;
 use super::host::{HostAttribute, HostObject};
 use super::material_planes::{ChannelPlanes, Materials, planes, texel_rows};
 use super::mesh::take_rows;
+use super::texture::Value;
 use super::{
     Bounds, Camera, CornerAttribute, Environment, Holes, HostScene, LightPlanes, Mesh, Parameter,
     Scene, SceneFrame,
@@ -16,12 +16,12 @@ use super::{
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData, Weld};
 
-/// A sphere around the scene that sets the scale of depths and tolerances; takes no gradient.
+/// A sphere about the scene that sets the scale of depths and tolerances. It has no gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Normalization {
-    /// The mean of all vertices, scene units.
+    /// The center, in scene units.
     pub center: [f64; 3],
-    /// The largest distance of a vertex from it, over the whole shutter.
+    /// The radius, in scene units.
     pub radius: f64,
 }
 
@@ -39,49 +39,48 @@ impl From<Bounds> for Normalization {
 pub(crate) struct Flattened {
     /// Device and float type.
     pub context: Context,
-    /// The triangles, relative to the centre of the normalization, in units of `unit`.
+    /// The triangles, relative to the center of the normalization, in units of `unit`.
     pub triangles: Triangles,
-    /// Host-side connectivity.
+    /// Connectivity, on the host.
     pub topology: Topology,
     /// All materials.
     pub(crate) materials: Materials,
-    /// The triangles that emit.
+    /// The indices of the triangles that emit.
     pub emitters: Vec<u32>,
-    /// The place and size of the scene, in scene units.
+    /// The position and size of the scene, in scene units.
     pub(crate) normalization: Normalization,
-    /// The unit of length of the planes, in scene units: the power of two
-    /// nearest to the scene's radius. So a scene renders alike at any scale, and squares and
-    /// products of small lengths do not underflow.
+    /// The unit of length of the planes, in scene units: the power of two nearest to the scene's radius.
+    /// A scene therefore renders alike at any scale, and squares and products of small lengths do not underflow.
     pub unit: f64,
-    /// Texture coordinates of the corners, z unused, if any material has a texture.
+    /// Texture coordinates of the corners, if any material has a texture or a normal map. z is unused.
     pub uvs: Option<VertexData>,
-    /// Shading normals of the corners, if any mesh has them, and for which triangles.
+    /// Shading normals of the corners and whether each triangle has them, if any mesh has them.
     pub normals: Option<(VertexData, Vec<bool>)>,
-    /// Colours of the corners, 1 where a mesh has none, if any mesh has them.
+    /// Colors of the corners, if any mesh has them. They are 1 where a mesh has none.
     pub colours: Option<VertexData>,
     /// Normal maps, if any material has one.
     pub tilts: Option<Tilts>,
     /// Holes, if any surface has any.
     pub holes: Option<Arc<Holes>>,
-    /// Lights without a surface, if there are any.
+    /// Delta lights, if there are any.
     pub(crate) lights: Option<LightPlanes>,
-    /// The environment, if it is not a constant black.
+    /// The environment, unless it is a constant black.
     pub environment: Option<SkyTensors>,
 }
 
-/// What normal maps need.
+/// The data of normal maps.
 #[derive(Clone, Debug)]
 pub(crate) struct Tilts {
-    /// Tangents of the corners, of any length; 0 where there are none.
+    /// Tangents of the corners, of any length; 0 where a mesh has none.
     pub tangents: VertexData,
-    /// The side of each triangle's bitangents, 1 or −1; 0 where there are no tangents.
+    /// The sign of each triangle's bitangents, 1 or −1; 0 where a mesh has no tangents.
     pub sides: Vec<f64>,
-    /// Texels, and (0, 0, 1) for materials without a map.
+    /// Texels of the maps, and (0, 0, 1) for materials without a map.
     pub maps: ChannelPlanes,
 }
 
 impl Flattened {
-    /// Gathers the triangles of a scene and reads their connectivity from its values on the host.
+    /// Gathers the triangles of a scene and computes their connectivity from the values on the host.
     ///
     /// # Errors
     /// If the position of the camera can't be read.
@@ -150,7 +149,8 @@ impl Flattened {
     }
 }
 
-/// The first three columns of an attribute at the corners of all faces, a number where a mesh has none.
+/// Returns the first three columns of an attribute at the corners of all faces. They are `without` where a mesh has
+/// none.
 fn attribute_planes(
     scene: &Scene,
     context: &Context,
@@ -161,8 +161,8 @@ fn attribute_planes(
     vertex_data(corners(scene, context, without, rows))
 }
 
-/// Rows of a tensor at the corners of all faces, a number where a mesh has none and zero where they have fewer than
-/// three columns.
+/// Returns rows of a tensor at the corners of all faces. They are `without` where a mesh has none. A third column that
+/// is missing is 0.
 fn corners<'a>(
     scene: &'a Scene,
     context: &Context,
@@ -196,7 +196,7 @@ fn vertex_data(corners: [Tensor<2>; 3]) -> VertexData {
 }
 
 impl Tilts {
-    /// Those of a scene; None if no material has a normal map.
+    /// Collects the normal maps of a scene. Returns None if no material has one.
     fn new(scene: &Scene, host: &HostScene) -> Option<Self> {
         let materials = scene.objects.iter().flat_map(|o| &o.materials);
         let mut maps: Vec<_> = materials.map(|m| m.normal_map.clone()).collect();
@@ -223,7 +223,7 @@ impl Tilts {
     }
 }
 
-/// The velocity of each triangle, if any object moves or may come to.
+/// Returns the velocity of each triangle. Returns None if no object has a velocity, or only constants 0.
 fn velocities(scene: &Scene, host: &HostScene) -> Option<Vec3> {
     if host.objects.iter().all(|o| o.velocity.is_none()) {
         return None;
@@ -238,7 +238,8 @@ fn velocities(scene: &Scene, host: &HostScene) -> Option<Vec3> {
     Some(Vec3::cat(&parts.collect::<Vec<_>>(), 0))
 }
 
-/// Objects, materials and neighbours of all triangles, and which side of them can be seen from `eye`.
+/// Computes objects, materials and neighbors of all triangles, and the side of closed objects that is visible from
+/// `eye`.
 fn topology(host: &HostScene, eye: DVec3) -> Topology {
     let mut topology = Topology::default();
     for object in &host.objects {
@@ -257,6 +258,8 @@ fn topology(host: &HostScene, eye: DVec3) -> Topology {
 }
 
 impl Normalization {
+    /// Computes the center, which is the mean of all vertices, and the radius, which is the largest distance of a
+    /// vertex from it over the whole shutter.
     pub fn new(host: &HostScene) -> Self {
         let all = || host.objects.iter().flat_map(|o| &o.positions);
         let n = all().count() as f64;
@@ -271,15 +274,15 @@ impl Normalization {
                 }
             }
         }
-        // A scene that is one point has no scale of its own.
+        // A scene that is a single point has no scale of its own.
         let radius = if radius > 0.0 { radius } else { 1.0 };
         Self { center, radius }
     }
 }
 
-/// The side of a closed object that can be seen from `eye`: +1 those with n·d > 0, −1 those with
-/// n·d < 0. From outside a surface can only be entered, from inside only be left; nothing
-/// transmits light, so this holds for every ray of a path.
+/// Returns the side of a closed object that is visible from `eye`: +1 for n·d > 0, −1 for n·d < 0. Rays from outside
+/// can only enter the surface, rays from inside only leave it. This holds for every ray of a path, because the softmax
+/// form, which uses it, has no materials that transmit light.
 fn visible_side(positions: &[[f64; 3]], faces: &[[u32; 3]], eye: DVec3) -> f64 {
     let (mut solid_angle, mut volume) = (0.0, 0.0);
     for f in faces {

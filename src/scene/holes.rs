@@ -1,14 +1,14 @@
-//! Holes in surfaces, by alpha masks.
+//! Holes in surfaces from alpha masks.
 
 use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::wrap::Wrap;
 
-/// A mask on the host.
+/// An alpha mask on the host.
 #[derive(Debug)]
 pub(crate) struct Mask {
-    /// Row after row.
+    /// Alpha, row by row.
     pub alpha: Arc<Vec<f32>>,
     /// Columns and rows.
     pub size: [usize; 2],
@@ -19,21 +19,21 @@ pub(crate) struct Mask {
 /// The holes of a scene's triangles, as flat lists.
 #[derive(Debug, Default)]
 pub(crate) struct Holes {
-    /// The place of each triangle among those with a mask, `u32::MAX` for one without.
+    /// The index of each triangle among the triangles with a mask, `u32::MAX` for a triangle without one.
     pub of_triangle: Vec<u32>,
-    /// The image of each of these: the place of its first alpha, columns, rows, and how it goes on outside.
+    /// The image of each triangle with a mask: the index of its first alpha, columns, rows, and wrap mode.
     pub images: Vec<u32>,
-    /// [`OF_MASKED`] numbers of each: texture coordinates of its corners, and the alpha under which it has a hole.
+    /// [`OF_MASKED`] numbers per triangle with a mask: texture coordinates of its corners, and the cutoff of alpha.
     pub uvs: Vec<f32>,
-    /// What all masks hold, once.
+    /// The alpha values of all masks. A shared mask is stored once.
     pub alphas: Vec<f32>,
 }
 
 pub(crate) const OF_MASKED: usize = 7;
 
 impl Holes {
-    /// Those of faces, each with the number of its material and texture coordinates if it has any, by the masks of all
-    /// materials; None if there are none.
+    /// Collects the holes of faces, given the masks of all materials. Each face has the index of its material, and
+    /// texture coordinates if its mesh has any. Returns None if no face has a mask.
     pub(super) fn new(
         faces: impl Iterator<Item = (usize, Option<[[f32; 2]; 3]>)>,
         of_materials: Vec<Option<Mask>>,

@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::albedo::Value;
+use super::bsdf::Channel;
 use super::check::{check_devices, check_values};
 use super::host_textures::{HostTexture, Shared};
 use super::light::HostLight;
-use super::material::{Channel, MaterialKind};
+use super::material::MaterialKind;
+use super::texture::Value;
 use super::transfer::{Constants, Transfer};
 use super::{CornerAttribute, Holes, Parameter, Scene};
 use crate::error::Result;

@@ -1,22 +1,22 @@
-//! Textures and masks on the host, each read once however many materials have it.
+//! Textures and masks on the host. Each is read once, however many materials share it.
 
 use std::collections::HashMap;
 use std::sync::Arc;
 
 use burn::tensor::Tensor;
 
-use super::albedo::Value;
 use super::holes::Mask;
 use super::maps::AlphaMask;
+use super::texture::Value;
 use super::wrap::Wrap;
 use crate::error::{Error, Result};
 use crate::geometry::{by_rows, place_of};
 
-/// A colour, or an image of colours.
+/// A color, or an image of colors.
 pub(crate) enum HostTexture {
     Constant([f64; 3]),
     Image {
-        /// RGB, row after row; textures of one tensor that is in no graph share them.
+        /// RGB, row by row. Textures of one untracked tensor share them.
         texels: Arc<Vec<f32>>,
         width: usize,
         height: usize,
@@ -25,7 +25,7 @@ pub(crate) enum HostTexture {
 }
 
 impl HostTexture {
-    /// Whether any of its values is other than 0.
+    /// Whether any value is other than 0.
     pub(super) fn shines(&self) -> bool {
         match self {
             Self::Constant(c) => *c != [0.0; 3],
@@ -34,7 +34,7 @@ impl HostTexture {
     }
 }
 
-/// What was read so far, by where the numbers lie in their tensors. These must be there as long as this is.
+/// The images read so far, by the address and shape of their tensors. These tensors must outlive the cache.
 #[derive(Default)]
 pub(super) struct Shared {
     images: HashMap<(usize, [usize; 3]), Arc<Vec<f32>>>,
@@ -42,7 +42,7 @@ pub(super) struct Shared {
     masks: HashMap<(usize, [usize; 2]), Arc<Vec<f32>>>,
 }
 
-/// What is known of a place, or else is read.
+/// Returns the cached values of a tensor, or reads and caches them.
 fn once<const D: usize>(
     known: &mut HashMap<(usize, [usize; D]), Arc<Vec<f32>>>,
     tensor: &Tensor<D>,
@@ -60,7 +60,7 @@ fn once<const D: usize>(
 }
 
 impl Shared {
-    /// Reads a value back. A scalar is the first of three numbers, the others are 0.
+    /// Reads a value back. A scalar is stored as the first of three numbers, and the others are 0.
     pub fn texture(&mut self, value: Value<'_>) -> Result<HostTexture> {
         let (texels, [height, width], wrap) = match value {
             Value::Colour(p) => return Ok(HostTexture::Constant(p.values()?)),
@@ -94,7 +94,7 @@ impl Shared {
         })
     }
 
-    /// A mask; `material` is its material's name in messages.
+    /// Reads a mask back. `material` returns the name of its material for error messages.
     pub fn mask(&mut self, mask: &AlphaMask, material: impl FnOnce() -> String) -> Result<Mask> {
         let [height, width] = mask.alpha.dims();
         let cutoff = mask.cutoff as f32;

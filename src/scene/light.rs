@@ -1,22 +1,24 @@
-//! Lights without a surface: points, spots and distant ones.
+//! Delta lights: point, spot and directional lights.
 
 use std::fmt;
 
 use burn::tensor::Tensor;
 
 use super::Parameter;
-use super::albedo::Value;
 use super::parameter::Range;
+use super::texture::Value;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, sin_cos};
 
-/// A light without a surface, added by [`Scene::light`](super::Scene::light). Its light comes to a point from one
-/// direction, so that cameras and mirrors don't see it.
+/// A delta light (point, spot or directional), added by [`Scene::light`](super::Scene::light).
 ///
-/// All parameters may be tensors in the graph. With cones ([`Visibility::cone`](crate::render::Visibility::cone)) its
-/// shadows are soft, and have derivatives by what casts them, by what they fall on and by the light. Without (the angle
-/// is 0) their edges are jumps of the surface's own light, which gradients leave out; what is lit then has its other
-/// derivatives.
+/// Its light arrives at a point from a single direction, so that cameras and mirrors don't show it. All parameters may
+/// be tracked tensors.
+///
+/// With cones of an angle above 0 ([`Visibility::cone`](crate::render::Visibility::cone)) its shadows are soft. They
+/// have derivatives with respect to the occluders, the surfaces in shadow and the light. At an angle of 0 shadow edges
+/// are discontinuities on the surface itself, and gradients leave out their boundary term. Lit surfaces keep their
+/// other derivatives.
 ///
 /// ```
 /// use softray::prelude::*;
@@ -31,29 +33,30 @@ use crate::geometry::{Context, Vec3, sin_cos};
 pub enum Light {
     /// Shines the same in all directions, from a point.
     Point {
-        /// Scene units.
+        /// Position, in scene units.
         position: Parameter<3>,
-        /// Radiant intensity, RGB: at a distance r the irradiance across the light is intensity/r².
+        /// Radiant intensity, RGB. A surface that faces the light at a distance r has the irradiance intensity/r².
         intensity: Parameter<3>,
     },
-    /// Shines in a cone, from a point. Between two angles to its direction the intensity falls off as in
-    /// `KHR_lights_punctual` of glTF: by clamp((cos θ − cos outer)/(cos inner − cos outer), 0, 1)², the divisor being
-    /// 0.001 at least.
+    /// Shines in a cone, from a point.
+    /// Between two angles to its direction the intensity falls off as in `KHR_lights_punctual` of glTF, by the factor
+    /// clamp((cos θ − cos outer)/(cos inner − cos outer), 0, 1)². The divisor is at least 0.001.
     Spot {
-        /// Scene units.
+        /// Position, in scene units.
         position: Parameter<3>,
-        /// The middle of the cone, of any length but 0.
+        /// The axis of the cone, of any length but 0.
         direction: Parameter<3>,
         /// Radiant intensity within the inner angle, RGB.
         intensity: Parameter<3>,
-        /// The angle to the direction up to which all of the intensity is there, radians.
+        /// The angle to the direction, in radians, up to which the light has its full intensity.
         inner: Parameter<1>,
-        /// The angle to the direction from which on there is none: at least the inner one, at most π/2.
+        /// The angle to the direction, in radians, from which on the intensity is 0. At least the inner angle, at most
+        /// π/2.
         outer: Parameter<1>,
     },
-    /// Shines from far away, in one direction, with the same irradiance everywhere.
+    /// Shines from far away in one direction, with the same irradiance everywhere.
     Directional {
-        /// The direction in which the light goes, of any length but 0.
+        /// The direction in which the light travels, of any length but 0.
         direction: Parameter<3>,
         /// Irradiance of a surface that faces the light, RGB.
         irradiance: Parameter<3>,
@@ -70,7 +73,7 @@ impl fmt::Debug for Light {
     }
 }
 
-/// What a light is.
+/// The kind of a light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LightKind {
     Point,
@@ -90,7 +93,7 @@ pub(crate) enum LightPart {
 }
 
 impl LightPart {
-    /// Its name in messages and the range of its values.
+    /// The name in error messages and the range of values.
     pub fn row(self) -> (&'static str, Range) {
         match self {
             Self::Position => ("position", Range::Finite),
@@ -104,7 +107,8 @@ impl LightPart {
 }
 
 impl Light {
-    /// A light that shines the same in all directions: its place in scene units, and its radiant intensity, RGB.
+    /// Creates a light that shines the same in all directions.
+    /// `position` is in scene units, `intensity` is the radiant intensity, RGB.
     pub fn point(position: impl Into<Parameter<3>>, intensity: impl Into<Parameter<3>>) -> Self {
         Self::Point {
             position: position.into(),
@@ -112,8 +116,9 @@ impl Light {
         }
     }
 
-    /// A light that shines in a cone: its place in scene units, its direction, its radiant intensity in the middle, RGB,
-    /// and the angles to the direction between which that falls off to 0, in radians ([`Light::Spot`]).
+    /// Creates a light that shines in a cone ([`Light::Spot`]).
+    /// `position` is in scene units. `intensity` is the radiant intensity within the inner angle, RGB. It falls off to
+    /// 0 between the angles `inner` and `outer` to the direction, in radians.
     pub fn spot(
         position: impl Into<Parameter<3>>,
         direction: impl Into<Parameter<3>>,
@@ -130,7 +135,8 @@ impl Light {
         }
     }
 
-    /// A light from far away: the direction in which it shines, and the irradiance of a surface that faces it, RGB.
+    /// Creates a light from far away.
+    /// `direction` is the direction in which it shines, `irradiance` the irradiance of a surface that faces it, RGB.
     pub fn directional(
         direction: impl Into<Parameter<3>>,
         irradiance: impl Into<Parameter<3>>,
@@ -149,7 +155,7 @@ impl Light {
         }
     }
 
-    /// Its intensity or irradiance.
+    /// The intensity or irradiance.
     fn strength(&self) -> &Parameter<3> {
         match self {
             Self::Point { intensity, .. } | Self::Spot { intensity, .. } => intensity,
@@ -157,7 +163,7 @@ impl Light {
         }
     }
 
-    /// Its position and its direction, of which there is one at least.
+    /// The position and the direction. A light has at least one of them.
     fn placement(&self) -> [Option<&Parameter<3>>; 2] {
         match self {
             Self::Point { position, .. } => [Some(position), None],
@@ -170,12 +176,12 @@ impl Light {
         }
     }
 
-    /// Whether its intensity is above 0 in any colour.
+    /// Whether the intensity or irradiance is above 0 in any color channel.
     pub(super) fn shines(&self) -> bool {
         self.strength().shines()
     }
 
-    /// Its parameters.
+    /// The parameters.
     pub(super) fn parts(&mut self) -> Vec<(LightPart, Value<'_>)> {
         use LightPart::{Direction, Inner, Intensity, Irradiance, Outer, Position};
         match self {
@@ -209,7 +215,7 @@ impl Light {
         }
     }
 
-    /// Reads it back, and checks what no parameter says for itself.
+    /// Reads the light back to the host. Checks the order of the angles and the length of the direction.
     pub(crate) fn host(&self, name: &str) -> Result<HostLight> {
         let mut host = HostLight {
             kind: self.kind(),
@@ -248,30 +254,30 @@ pub(crate) struct HostLight {
     pub position: [f64; 3],
     /// Of any length but 0.
     pub direction: [f64; 3],
-    /// Intensity, or irradiance.
+    /// Intensity or irradiance.
     pub strength: [f64; 3],
-    /// The inner and outer angle of a spot.
+    /// The inner and outer angle of a spot light, in radians.
     pub angles: [f64; 2],
 }
 
-/// The lights of a scene as planes `[1, L]`, in the coordinates of its triangles.
+/// The lights of a scene as planes `[1, L]`, in the coordinates of the triangles.
 #[derive(Clone, Debug)]
 pub(crate) struct LightPlanes {
-    /// 0 of directional ones.
+    /// 0 for directional lights.
     pub position: Vec3,
-    /// The unit vectors in which they shine.
+    /// The unit vectors along which the lights shine.
     pub axis: Vec3,
-    /// Intensity, or irradiance.
+    /// Intensity or irradiance.
     pub strength: Vec3,
     pub cos_inner: Tensor<2>,
     pub cos_outer: Tensor<2>,
     pub kinds: Vec<LightKind>,
-    /// The typical size of the scene, in their unit.
+    /// The typical size of the scene, in units of the positions.
     pub size: f64,
 }
 
 impl LightPlanes {
-    /// None where a scene has no lights.
+    /// Returns None if a scene has no lights.
     pub fn new(
         lights: &[Light],
         context: &Context,

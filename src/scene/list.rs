@@ -1,11 +1,12 @@
-//! Lists that copies of a scene share.
+//! Lists that the copies of a scene share.
 
 use std::fmt;
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
-/// A list that copies share until one of them changes it: copying a scene of many objects takes no memory. It is used
-/// as a [`Vec`]; one becomes a list by [`Into`].
+/// A list that copies share until one of them changes it.
+/// Copying a scene of many objects therefore takes no memory. The list dereferences to a [`Vec`], and a `Vec` converts
+/// into a list by [`Into`].
 ///
 /// ```
 /// use softray::prelude::*;

@@ -1,4 +1,4 @@
-//! Images on surfaces that are no colours: tilts of the normal, and holes.
+//! Normal maps and alpha masks.
 
 use burn::tensor::Tensor;
 
@@ -6,32 +6,33 @@ use super::wrap::Wrap;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
 
-/// Tilts of the shading normal over a surface.
+/// A normal map: tilts of the shading normal over a surface.
 #[derive(Clone)]
 pub struct NormalMap {
-    /// `[H, W, 3]`, row 0 at the top (v = 1), looked up bilinearly like an [`Albedo`](super::Albedo)'s texture: the
-    /// normal's parts along tangent, bitangent and the interpolated normal, of any length.
+    /// Texels `[H, W, 3]`, row 0 at the top (v = 1), interpolated bilinearly like the texture of a
+    /// [`ColorTexture`](super::ColorTexture).
+    /// They are the normal's components along tangent, bitangent and the interpolated normal, of any length.
     pub texels: Tensor<3>,
-    /// Outside of the unit square.
+    /// The continuation outside of the unit square.
     pub wrap: Wrap,
 }
 
-/// Where a surface is, and where it has holes.
+/// An alpha mask: the holes of a surface.
 #[derive(Clone)]
 pub struct AlphaMask {
-    /// `[H, W]`, row 0 at the top (v = 1), looked up bilinearly.
+    /// Alpha `[H, W]`, row 0 at the top (v = 1), interpolated bilinearly.
     pub alpha: Tensor<2>,
-    /// Outside of the unit square.
+    /// The continuation outside of the unit square.
     pub wrap: Wrap,
-    /// There is a hole where alpha is less.
+    /// The surface has a hole where alpha is less than this.
     pub cutoff: f64,
 }
 
 impl AlphaMask {
-    /// The numbers on the host.
+    /// Returns the values of alpha on the host.
     ///
     /// # Errors
-    /// If there are none, or a number is not finite.
+    /// If there are no values, or a value is not finite.
     pub(super) fn numbers(&self, material: &str) -> Result<Vec<f32>> {
         let [h, w] = self.alpha.dims();
         let wrong = |field: &str, found: String, expected: &str| {

@@ -1,32 +1,33 @@
-//! Parameters of materials as planes.
+//! Material parameters as planes.
 
 use burn::tensor::{Bool, Tensor};
 
-use super::albedo::Value;
-use super::material::{CHANNELS, Channel, MaterialKind};
+use super::bsdf::{CHANNELS, Channel};
+use super::material::MaterialKind;
 use super::parameter::without_tape;
+use super::texture::Value;
 use super::{Material, Parameter, Wrap};
 use crate::geometry::{Context, Vec3};
 
-/// The place of a texture in the atlas.
+/// The location of a texture in the atlas.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TextureSlot {
-    /// Its first texel.
+    /// The index of the first texel.
     pub offset: usize,
     /// Rows.
     pub height: usize,
     /// Columns.
     pub width: usize,
-    /// Its continuation outside of the unit square.
+    /// The continuation outside of the unit square.
     pub wrap: Wrap,
 }
 
-/// A parameter of all materials.
+/// One parameter of all materials.
 #[derive(Clone, Debug)]
 pub(crate) struct ChannelPlanes {
-    /// Values `[1, M]`, 0 where the material has a texture. A scalar parameter is in x.
+    /// Values `[1, M]`, 0 where the material has a texture. A scalar parameter is stored in x.
     pub constant: Vec3,
-    /// The texture of each material.
+    /// The texture of each material, if it has one.
     pub texture: Vec<Option<TextureSlot>>,
     /// All texels `[1, A]`, if there are textures.
     pub atlas: Option<Vec3>,
@@ -35,7 +36,7 @@ pub(crate) struct ChannelPlanes {
 /// All materials of a scene.
 #[derive(Clone, Debug)]
 pub(crate) struct Materials {
-    /// The parameters, each at its place ([`Channel::place`]).
+    /// The parameters, indexed by [`Channel::place`].
     channels: Vec<ChannelPlanes>,
     pub kinds: Vec<MaterialKind>,
 }
@@ -54,12 +55,13 @@ impl Materials {
         }
     }
 
-    /// The parameters of a place.
+    /// Returns the parameter with this [`Channel::place`].
     pub fn channel(&self, place: usize) -> &ChannelPlanes {
         &self.channels[place]
     }
 
-    /// Radiance that fronts emit the same everywhere and in all directions, `[1, M]`; 0 of others.
+    /// Returns the radiance `[1, M]` of fronts that emit the same everywhere and in all directions; 0 for other
+    /// materials.
     pub fn even_emission(&self) -> Vec3 {
         let emission = &self.channel(Channel::Emission.place()).constant;
         if !self.kind().glows {
@@ -73,20 +75,20 @@ impl Materials {
         emission.map(|x| x.mask_fill(glows.clone().unsqueeze(), 0.0))
     }
 
-    /// The parts that any has.
+    /// The parts that any of the materials has.
     pub fn kind(&self) -> MaterialKind {
         self.kinds
             .iter()
             .fold(MaterialKind::default(), |a, b| a.or(*b))
     }
 
-    /// Whether any has a texture.
+    /// Whether any material has a texture.
     pub fn textured(&self) -> bool {
         self.channels.iter().any(|c| c.atlas.is_some())
     }
 }
 
-/// Numbers of texels as planes `[1, H·W]` of which the first holds them.
+/// Returns scalar texels as planes `[1, H·W]`: x has the values, y and z are 0.
 fn scalar_rows(image: &Tensor<2>) -> Vec3 {
     let [height, width] = image.dims();
     let x = without_tape(image).reshape([1, height * width]);
@@ -94,14 +96,14 @@ fn scalar_rows(image: &Tensor<2>) -> Vec3 {
     Vec3::new(x, zero.clone(), zero)
 }
 
-/// The texels of an image as planes `[1, H·W]`.
+/// Returns the texels of an image as planes `[1, H·W]`.
 pub(super) fn texel_rows(image: &Tensor<3>) -> Vec3 {
     let [height, width, _] = image.dims();
     let rows = image.clone().reshape([height * width, 3]).transpose();
     Vec3::from_rows(without_tape(&rows))
 }
 
-/// Values of a parameter of all materials as planes.
+/// Returns the values of one parameter of all materials as planes.
 pub(super) fn planes(values: Vec<Value<'_>>, context: &Context) -> ChannelPlanes {
     let (mut constant, mut texture, mut atlas) = (Vec::new(), Vec::new(), Vec::new());
     let mut offset = 0;

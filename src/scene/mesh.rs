@@ -10,27 +10,27 @@ use super::transform::Mistake;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
 
-/// A triangle mesh. Shared vertices stay shared: a gradient on a vertex moves every face at it.
+/// A triangle mesh. Faces share vertices: a gradient step on a vertex moves every face at it.
 #[derive(Clone)]
 pub struct Mesh {
-    /// Positions `[V, 3]`, scene units.
+    /// Positions `[V, 3]`, in scene units.
     pub vertices: Tensor<2>,
-    /// Rows of `vertices`, counter-clockwise seen from the front.
+    /// Rows of `vertices` for the corners of each face, counter-clockwise seen from the front.
     pub faces: Arc<Vec<[u32; 3]>>,
-    /// Texture coordinates `[_, 2]`, (0, 0) at the lower left of an image.
+    /// Texture coordinates `[_, 2]`. (0, 0) is the lower left of an image.
     pub uvs: Option<CornerAttribute>,
-    /// Shading normals `[_, 3]`.
+    /// Shading normals `[_, 3]`, of any length but 0.
     pub normals: Option<CornerAttribute>,
-    /// Colours `[_, 3]`, linear RGB, by which the diffuse albedo of materials is multiplied.
+    /// Colors `[_, 3]`, linear RGB. The diffuse albedo of materials is multiplied by them.
     pub colours: Option<CornerAttribute>,
-    /// Tangents `[_, 4]` for normal maps: x, y, z, and the side of the bitangent, 1 or −1.
+    /// Tangents `[_, 4]` for normal maps: x, y, z, and the sign of the bitangent, 1 or −1.
     pub tangents: Option<CornerAttribute>,
-    /// The first mistake made with it: what was done, and what was expected. A render reports it as an error.
+    /// The first mistake in building the mesh. A render returns it as an error.
     pub(crate) mistake: Option<Mistake>,
 }
 
 impl Mesh {
-    /// A mesh from a tensor of vertices `[V, 3]` and faces.
+    /// Creates a mesh from vertices `[V, 3]` and faces.
     pub fn new(vertices: Tensor<2>, faces: Vec<[u32; 3]>) -> Self {
         Self::of_faces(vertices, Arc::new(faces))
     }
@@ -47,25 +47,26 @@ impl Mesh {
         }
     }
 
-    /// A mesh of constants on a device, in the device's default float type.
+    /// Creates a mesh of constant vertices on a device, in the device's default float type.
     pub fn from_host(vertices: &[[f64; 3]], faces: Vec<[u32; 3]>, device: &Device) -> Self {
         Self::new(host_tensor(vertices, device), faces)
     }
 
-    /// Sets texture coordinates `[V, 2]`, one row for each vertex.
+    /// Sets texture coordinates `[V, 2]`, one row per vertex.
     pub fn with_uvs(mut self, uvs: Tensor<2>) -> Self {
         self.uvs = Some(CornerAttribute::new(uvs, self.faces.clone()));
         self
     }
 
-    /// Sets shading normals `[V, 3]`, one row for each vertex; they need not be of unit length.
+    /// Sets shading normals `[V, 3]`, one row per vertex. They need not be of unit length.
     pub fn with_normals(mut self, normals: Tensor<2>) -> Self {
         self.normals = Some(CornerAttribute::new(normals, self.faces.clone()));
         self
     }
 
-    /// Replaces the vertices by others `[V, 3]`. Faces and attributes are kept: shading normals stay as they were, so
-    /// that they may no longer fit the shape (see [`smooth_normals`](Self::smooth_normals)).
+    /// Replaces the vertices by a tensor `[V, 3]`.
+    /// Faces and attributes stay unchanged. Shading normals may therefore no longer fit the shape (see
+    /// [`smooth_normals`](Self::smooth_normals)).
     pub fn with_vertices(mut self, vertices: Tensor<2>) -> Self {
         self.vertices = vertices;
         self
@@ -80,8 +81,8 @@ impl Mesh {
         self
     }
 
-    /// Applies a transform to vertices, shading normals and tangents. A mirror image is wound the other way, as by
-    /// [`scaled`](Self::scaled).
+    /// Applies a transform to vertices, shading normals and tangents.
+    /// If the transform mirrors the mesh, the winding of faces is reversed, as in [`scaled`](Self::scaled).
     pub fn transformed(mut self, transform: &Transform) -> Self {
         if let Some(mistake) = transform.mistake() {
             let found = format!("transformed by {}", mistake.found);
@@ -99,14 +100,15 @@ impl Mesh {
         }
     }
 
-    /// Records a mistake unless there is one already.
+    /// Records a mistake unless one is recorded already.
     pub(super) fn mistaken(mut self, mistake: Mistake) -> Self {
         self.mistake.get_or_insert(mistake);
         self
     }
 
-    /// Splits every face into four in its own plane, so that the shape stays the same. Vertices stay in the
-    /// graph; texture coordinates, normals, colours and tangents are dropped.
+    /// Splits every face into four coplanar faces, so that the shape stays the same.
+    /// The new vertices are in the graph of the old vertices. Texture coordinates, normals, colors and tangents are
+    /// dropped.
     ///
     /// # Errors
     /// If the vertices are not `[V, 3]` or a face has an index out of range.
@@ -132,6 +134,9 @@ impl Mesh {
     }
 
     /// Reads the vertices back to the host.
+    ///
+    /// # Errors
+    /// If the vertices can't be read.
     pub fn host_vertices(&self) -> Result<Vec<[f64; 3]>> {
         Ok(host_values(&self.vertices)?
             .chunks_exact(3)
@@ -139,8 +144,7 @@ impl Mesh {
             .collect())
     }
 
-    /// Reads the vertices back to the host, and checks that they are finite and that the indices
-    /// of the faces are in range.
+    /// Reads the vertices back to the host. Checks that they are finite and that the indices of the faces are in range.
     pub(crate) fn checked_vertices(&self, object: &str) -> Result<Vec<[f64; 3]>> {
         if let Some(mistake) = &self.mistake {
             let Mistake { found, expected } = mistake;
@@ -181,7 +185,7 @@ impl Mesh {
                         );
                     }
                 }
-                // Those of a fit may wander below 0 for a step.
+                // Tracked colors may be below 0 for a step of a fit.
                 "colours" if !attribute.values.is_tracked() => {
                     let negative = |&i: &u32| row(i).iter().any(|&v| v < 0.0);
                     if let Some(dark) = used.find(negative) {
@@ -210,7 +214,7 @@ impl Mesh {
     }
 }
 
-/// Splits faces into four each; `middle` adds the vertex in the middle of an edge and returns its number.
+/// Splits each face into four. `middle` adds the vertex in the middle of an edge and returns its index.
 pub(super) fn split_in_four(
     faces: &[[u32; 3]],
     mut middle: impl FnMut(u32, u32) -> u32,
@@ -227,7 +231,7 @@ pub(super) fn split_in_four(
     faces.iter().flat_map(split).collect()
 }
 
-/// The rows of `values` of these numbers, `[N, C]`.
+/// Returns the rows `[N, C]` of `values` with these indices.
 pub(crate) fn take_rows(values: &Tensor<2>, rows: impl Iterator<Item = u32>) -> Tensor<2> {
     let [_, width] = values.dims();
     let index: Vec<i32> = rows.map(|row| row as i32).collect();
@@ -235,18 +239,18 @@ pub(crate) fn take_rows(values: &Tensor<2>, rows: impl Iterator<Item = u32>) -> 
     let values = without_tape(values);
     let device = values.device().inner();
     let index = Tensor::<2, Int>::from_data(TensorData::new(index, [n, 1]), &device);
-    // `gather`, not `select`: the backward of `select` over a long index is serial on GPUs.
+    // `gather`, not `select`: the backward pass of `select` over a long index is serial on GPUs.
     values.gather(0, index.expand([n, width]))
 }
 
-/// Host positions as a tensor in the device's default float type.
+/// Creates a tensor from host rows, in the device's default float type.
 pub(crate) fn host_tensor<const C: usize>(rows: &[[f64; C]], device: &Device) -> Tensor<2> {
     let flat: Vec<f64> = rows.iter().flatten().copied().collect();
     Tensor::from_data(TensorData::new(flat, [rows.len(), C]), device)
 }
 
-/// Reads values of vertices back to the host, and checks that they are finite and that the indices of the
-/// faces are in range.
+/// Reads values back to the host. Checks their shape, that they are finite and that the indices of the faces are in
+/// range.
 fn check_table(
     object: &str,
     field: &str,

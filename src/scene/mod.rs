@@ -1,9 +1,10 @@
-//! Scenes of tensors: meshes, materials, transforms, objects, environments and cameras.
+//! Descriptions of scenes by tensors: meshes, materials, transforms, objects, lights, environments and cameras.
 
-mod albedo;
 mod bounds;
+mod bsdf;
 mod camera;
 mod check;
+mod cornell;
 mod corners;
 mod debug;
 mod details;
@@ -24,16 +25,21 @@ mod parameters;
 mod placement;
 pub mod shapes;
 mod tangents;
+mod texture;
 mod transfer;
 mod transform;
 mod viewpoint;
 mod wrap;
 
-pub use albedo::{Albedo, ScalarTexture};
 pub use bounds::Bounds;
+pub use bsdf::Bsdf;
+pub(crate) use bsdf::{
+    BsdfKind, CHANNELS, Channel, LEAST_CONTRAST, LEAST_IOR, MOST_IOR, MOST_OF_METAL,
+};
 pub(crate) use camera::HostProjection;
 pub use camera::{Camera, Projection, ThinLens};
 pub(crate) use check::{check_devices, check_scene};
+pub use cornell::cornell_box;
 pub use corners::CornerAttribute;
 pub use environment::Environment;
 pub(crate) use flatten::{EnvironmentMap, Flattened, Normalization, SkyTensors};
@@ -44,10 +50,8 @@ pub use light::Light;
 pub(crate) use light::{HostLight, LightKind, LightPart, LightPlanes};
 pub use list::List;
 pub use maps::{AlphaMask, NormalMap};
-pub use material::{Bsdf, Material};
-pub(crate) use material::{
-    CHANNELS, Channel, LEAST_CONTRAST, LEAST_IOR, MOST_IOR, MOST_OF_METAL, MaterialKind,
-};
+pub use material::Material;
+pub(crate) use material::MaterialKind;
 pub(crate) use material_planes::ChannelPlanes;
 pub use mesh::Mesh;
 pub(crate) use mesh::{host_tensor, take_rows};
@@ -58,6 +62,7 @@ pub(crate) use parameters::{
     visit_tensors,
 };
 pub use placement::Scale;
+pub use texture::{ColorTexture, ScalarTexture};
 pub(crate) use transfer::{Constants, Identity, Transfer, host_device};
 pub use transform::Transform;
 pub(crate) use viewpoint::Framing;
@@ -73,9 +78,9 @@ use crate::error::{Error, Result, one_of};
 pub struct Scene {
     /// The objects, in the order of their ids.
     pub objects: List<Object>,
-    /// Lights without a surface.
+    /// Delta lights: point, spot and directional lights.
     pub lights: List<Light>,
-    /// The radiance that arrives from infinity where rays miss all surfaces.
+    /// The radiance that arrives from infinity along rays that miss all surfaces.
     pub environment: Environment,
 }
 
@@ -86,7 +91,7 @@ impl Default for Scene {
 }
 
 impl Scene {
-    /// An empty scene with a black environment.
+    /// Creates an empty scene with a black environment.
     pub fn new() -> Self {
         Self {
             objects: List::default(),
@@ -101,20 +106,21 @@ impl Scene {
         self
     }
 
-    /// Adds a light without a surface.
+    /// Adds a delta light.
     pub fn light(mut self, light: Light) -> Self {
         self.lights.push(light);
         self
     }
 
-    /// Sets the environment: a constant radiance, or an [`Environment::map`]. The field of the same name holds it.
+    /// Sets the environment: a constant radiance or an [`Environment::map`]. The field `environment` stores it.
     pub fn environment(mut self, radiance: impl Into<Environment>) -> Self {
         self.environment = radiance.into();
         self
     }
 
-    /// Whether any object emits, any light shines or the environment is not black: whether any of their values is
-    /// above 0, those of textures and of tensors on devices included.
+    /// Returns whether any object emits, any light shines or the environment is not black.
+    /// This is true if any of their values is above 0, including values of textures and of tensors on devices. A value
+    /// that can't be read counts as above 0.
     pub fn has_light(&self) -> bool {
         let mut materials = self.objects.iter().flat_map(|o| &o.materials);
         let lights = self.lights.iter().any(Light::shines);
@@ -124,23 +130,23 @@ impl Scene {
     /// Whether any material refracts.
     pub(crate) fn refracts(&self) -> bool {
         let mut all = self.objects.iter().flat_map(|o| &o.materials);
-        all.any(|m| m.bsdf.refracts())
+        all.any(|m| m.bsdf.kind().refracts())
     }
 
-    /// The names of its objects.
+    /// The names of the objects.
     pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
         self.objects.iter().map(|o| o.name.as_str())
     }
 
-    /// The first object of a name, or None.
+    /// Returns the first object with this name, or None.
     pub fn object(&self, name: &str) -> Option<&Object> {
         self.objects.iter().find(|o| o.name == name)
     }
 
-    /// Changes the objects of a name by a function; others stay as they are.
+    /// Applies a function to all objects with this name. Other objects stay unchanged.
     ///
     /// # Errors
-    /// If there is no object of that name; the error lists the names that there are.
+    /// If no object has this name. The error lists the names of the scene's objects.
     pub fn map_object(mut self, name: &str, f: impl Fn(Object) -> Object) -> Result<Self> {
         if self.object(name).is_none() {
             let field = "the name given to map_object";
@@ -154,23 +160,23 @@ impl Scene {
     }
 }
 
-/// A mesh with its materials and its motion; an `o` or `g` of an OBJ file.
+/// A mesh with its materials and its motion, like an `o` or `g` of an OBJ file.
 #[derive(Clone)]
 pub struct Object {
-    /// The name in messages and for [`Scene::object`].
+    /// The name in error messages and for [`Scene::object`].
     pub name: String,
     /// The surface.
     pub mesh: Mesh,
-    /// The materials that [`Self::face_materials`] refers to, at least one.
+    /// The materials that [`Self::face_materials`] indexes, at least one.
     pub materials: List<Material>,
-    /// The material of each face; empty where all faces have the first.
+    /// The index of each face's material. If the list is empty, all faces have the first material.
     pub face_materials: Arc<Vec<u32>>,
-    /// Linear velocity in scene units over the shutter [0, 1).
+    /// Linear velocity `[3]`, in scene units over the shutter [0, 1).
     pub velocity: Option<Parameter<3>>,
 }
 
 impl Object {
-    /// An object of the material [`Material::default`].
+    /// Creates an object with the name `object`, the material [`Material::default`] and no velocity.
     pub fn new(mesh: Mesh) -> Self {
         Self {
             name: "object".into(),
@@ -200,7 +206,7 @@ impl Object {
         self
     }
 
-    /// Changes the mesh by a function.
+    /// Applies a function to the mesh.
     pub fn map_mesh(mut self, f: impl FnOnce(Mesh) -> Mesh) -> Self {
         self.mesh = f(self.mesh);
         self

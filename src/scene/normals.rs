@@ -1,4 +1,4 @@
-//! Shading normals from the faces.
+//! Shading normals computed from the faces.
 
 use burn::tensor::{IndexingUpdateOp, Int, Tensor, TensorData};
 
@@ -8,20 +8,20 @@ use super::parameter::without_tape;
 use crate::geometry::{Context, Vec3, columns, gather_columns, length, split, unit_size};
 
 impl Mesh {
-    /// Sets smooth shading normals, computed from the vertices: at each vertex the unit vector along the sum
-    /// of its faces' normals, each weighted by the angle of the face there (Thürmer and Wüthrich 1998,
-    /// *Computing Vertex Normals from Polygonal Facets*), so that how a flat part is cut into
-    /// triangles doesn't matter.
+    /// Sets smooth shading normals, computed from the vertices.
     ///
-    /// The normals are in the graph of the vertices: gradients of shading flow to them. Call this last, on
-    /// every step of a fit: normals that a mesh brings along (from an OBJ, or from before
-    /// [`with_vertices`](Mesh::with_vertices)) do not follow vertices that are optimised.
+    /// The normal of a vertex is the unit vector along the sum of its faces' normals, each weighted by the angle of the
+    /// face at the vertex (Thürmer and Wüthrich 1998, *Computing Vertex Normals from Polygonal Facets*). So it does not
+    /// matter how a flat part is cut into triangles.
     ///
-    /// Vertices are the same if their indices are: those at one place that are separate, as on the two
-    /// sides of a crease, keep normals of their own. Faces without area have no part; a vertex
-    /// that only they touch, or no face, or faces that cancel each other, gets the normal (0, 0, 1)
-    /// without gradient. A mesh without faces or whose faces are out of range stays as it is; a render
-    /// tells.
+    /// The normals are in the graph of the vertices: gradients of shading flow to them. Call this function last, in
+    /// every step of a fit. Normals from an OBJ file or from before [`with_vertices`](Mesh::with_vertices) do not
+    /// follow vertices that are optimized.
+    ///
+    /// Vertices are the same if their indices are the same. Separate vertices at one place, as on the two sides of a
+    /// crease, keep separate normals. Faces without area do not contribute. A vertex gets the normal (0, 0, 1) without
+    /// gradient if no face or only such faces touch it, or if its faces cancel each other. A mesh stays unchanged if it
+    /// has no faces or a face index is out of range; a render reports the latter.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -49,7 +49,7 @@ impl Mesh {
     }
 }
 
-/// Unit normals at the vertices `[V, 3]`.
+/// Returns unit normals `[V, 3]` at the vertices.
 fn vertex_normals(vertices: &Tensor<2>, faces: &[[u32; 3]]) -> Tensor<2> {
     let vertices = without_tape(vertices);
     let [count, _] = vertices.dims();
@@ -73,8 +73,8 @@ fn vertex_normals(vertices: &Tensor<2>, faces: &[[u32; 3]]) -> Tensor<2> {
     unit_sums(weighted, index, count, [0.0, 0.0, 1.0], &context)
 }
 
-/// The directions `[C, 3]` of sums of vectors `[3, N]`; `index` `[1, N]` says which sum a vector is part of. A sum of
-/// about 0 has another direction instead, without gradient.
+/// Returns the directions `[C, 3]` of sums of vectors `[3, N]`. `index` `[1, N]` is the number of the sum that each
+/// vector belongs to. A sum of about 0 gets the direction `otherwise`, without gradient.
 pub(super) fn unit_sums(
     vectors: Tensor<2>,
     index: Tensor<2, Int>,
@@ -98,7 +98,7 @@ pub(super) fn unit_sums(
     unit.rows().swap_dims(0, 1)
 }
 
-/// The unit vector of each; 0 stays 0.
+/// Returns the unit vectors. 0 stays 0.
 pub(super) fn unit_or_zero(v: &Vec3) -> Vec3 {
     let length = length(v);
     let none = length.clone().lower_equal_elem(0.0);
@@ -106,9 +106,9 @@ pub(super) fn unit_or_zero(v: &Vec3) -> Vec3 {
     v.map(|x| x / length.clone())
 }
 
-/// The face's unit normal times its angle θ at a corner, from the unit vectors along the side that leaves
-/// the corner and the one that comes to it: their cross product times θ/sin θ. 0 where sin θ can't be told
-/// from rounding.
+/// Returns the face's unit normal times its angle θ at a corner. `leaving` and `coming` are unit vectors along the side
+/// that leaves the corner and the side that arrives at it. The result is their cross product times θ/sin θ, or 0 if sin
+/// θ is no larger than rounding errors.
 fn weighted_normal(leaving: &Vec3, coming: &Vec3, epsilon: f64) -> Vec3 {
     let back = coming.scale_by(-1.0);
     let normal = leaving.cross(&back);

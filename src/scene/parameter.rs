@@ -3,23 +3,26 @@ use burn::tensor::Tensor;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, host_values};
 
-/// A small vector that a user gives as numbers or as a tensor `[C]`: a constant, a leaf with
-/// `require_grad`, a module's parameter or the output of a network.
+/// A small vector: numbers or a tensor `[C]`.
+/// The tensor may be a constant, a leaf tensor with `require_grad`, a module's parameter or the output of a network.
 #[derive(Clone)]
 pub enum Parameter<const C: usize> {
-    /// Numbers, put on the scene's device in the scene's float type.
+    /// Numbers. They are put on the scene's device in the scene's float type.
     Constant([f64; C]),
     /// A tensor `[C]`.
     Tensor(Tensor<1>),
 }
 
 impl<const C: usize> Parameter<C> {
-    /// Whether gradients flow to it.
+    /// Returns whether gradients flow to it: whether it is a tracked tensor.
     pub fn is_tracked(&self) -> bool {
         matches!(self, Self::Tensor(t) if t.is_tracked())
     }
 
-    /// The values on the host.
+    /// Returns the values on the host.
+    ///
+    /// # Errors
+    /// If the tensor can't be read or has another number of values.
     pub fn values(&self) -> Result<[f64; C]> {
         match self {
             Self::Constant(v) => Ok(*v),
@@ -41,7 +44,7 @@ impl<const C: usize> Parameter<C> {
         })
     }
 
-    /// Checks the shape and the range of the values, and returns them.
+    /// Checks the shape and the range of the values, and returns the values.
     pub(crate) fn check(&self, object: &str, field: &str, range: Range) -> Result<[f64; C]> {
         if let Self::Tensor(t) = self
             && t.dims() != [C]
@@ -54,7 +57,7 @@ impl<const C: usize> Parameter<C> {
         Ok(values)
     }
 
-    /// Whether any of its values is above 0, or can't be read.
+    /// Whether any value is above 0 or can't be read.
     pub(crate) fn shines(&self) -> bool {
         self.values().map_or(true, |v| v.iter().any(|&v| v > 0.0))
     }
@@ -68,14 +71,14 @@ impl<const C: usize> Parameter<C> {
 }
 
 impl Parameter<3> {
-    /// The same planes as a vector.
+    /// Returns the planes as a vector.
     pub(crate) fn vector(&self, context: &Context) -> Vec3 {
         let [x, y, z] = self.planes(context);
         Vec3::new(x, y, z)
     }
 }
 
-/// A tensor without autodiff where it is a constant, so that nothing is recorded for it.
+/// Returns the tensor, without autodiff if it is untracked, so that no tape is recorded for it.
 pub(super) fn without_tape<const D: usize>(t: &Tensor<D>) -> Tensor<D> {
     if t.is_tracked() {
         t.clone()
@@ -84,29 +87,30 @@ pub(super) fn without_tape<const D: usize>(t: &Tensor<D>) -> Tensor<D> {
     }
 }
 
-/// The largest radiance, intensity or irradiance: sums over an image's samples, their squares, and products with what is
-/// near to a light then stay below what f32 holds.
+/// The largest radiance, intensity or irradiance. Sums over an image's samples, their squares, and products with
+/// factors near a light then stay in the range of f32.
 pub(crate) const MOST_LIGHT: f64 = 1e15;
 
-/// The values that numbers may have: finite ones in f32, as kernels are.
+/// A range of values. All values must be finite in f32, the float type of kernels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Range {
     Finite,
     Positive,
     NotNegative,
-    /// From 0 to 1.
+    /// From 0 to 1, inclusive.
     Share,
-    /// From the one to the other.
+    /// From the first number to the second, inclusive.
     Within(f64, f64),
-    /// Light of either sign, of at most [`MOST_LIGHT`].
+    /// Light of either sign, of an absolute value of at most [`MOST_LIGHT`].
     Light,
-    /// Between both.
+    /// Between both numbers, exclusive.
     Degrees(i32, i32),
 }
 
 impl Range {
     /// # Errors
-    /// If a value is out of the range; the error shows all, or the first such one of many.
+    /// If a value is out of the range. The error shows all values if there are 2 to 16, otherwise the first invalid
+    /// value.
     pub fn check(self, object: &str, field: &str, values: &[f64]) -> Result<()> {
         let Some(wrong) = values.iter().find(|&&v| !self.holds(v)) else {
             return Ok(());
@@ -133,7 +137,7 @@ impl Range {
             }
     }
 
-    /// What a message says of the range of one number, or of several.
+    /// The description of the range in error messages, for one number or for several.
     pub fn expected(self, count: usize) -> String {
         let (finite, numbers) = match count {
             1 => ("a finite number", "a number"),
@@ -153,7 +157,7 @@ impl Range {
     }
 }
 
-/// What converts into a type, one a line: `[generics] source => type: |value| converted`.
+/// Implements conversions into a type, one per line: `[generics] source => type: |value| converted`.
 macro_rules! conversions {
     ($([$($generics:tt)*] $source:ty => $target:ty: |$value:ident| $converted:expr;)*) => {$(
         impl<$($generics)*> From<$source> for $target {

@@ -1,16 +1,16 @@
-//! Everything of a scene and its camera that can be differentiated, visited in one order.
+//! Visits of all differentiable values of a scene and its camera, in one order.
 
 use std::ops::Range;
 
 use burn::tensor::Tensor;
 
-use super::albedo::Value;
+use super::bsdf::Channel;
 use super::light::LightPart;
-use super::material::Channel;
 use super::parameter::Range as Values;
+use super::texture::Value;
 use super::{Camera, Light, Object, Parameter, Projection, Scene};
 
-/// Names a tensor of a scene or camera. Objects and materials are counted over the whole scene.
+/// Identifies a tensor of a scene or camera. Objects and materials are numbered over the whole scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum ParameterId {
     /// `[V, 3]`, scene units.
@@ -29,7 +29,7 @@ pub(crate) enum ParameterId {
     NormalMap(usize),
     /// `[3]` or `[H, W, 3]`, or `[1]` or `[H, W]`.
     Material(usize, Channel),
-    /// `[3]` or `[1]`, of a light by its place in the scene.
+    /// `[3]` or `[1]`, of a light by its index in the scene.
     Light(usize, LightPart),
     /// `[3]` or `[H, W, 3]`.
     Environment,
@@ -54,7 +54,7 @@ pub(crate) enum ParameterId {
 }
 
 impl ParameterId {
-    /// Its name in messages and the range of its values.
+    /// The name in error messages and the range of values.
     pub fn row(self) -> (&'static str, Values) {
         match self {
             Self::Vertices(_) => ("vertices", Values::Finite),
@@ -125,7 +125,7 @@ pub(crate) fn visit_scene(scene: &mut Scene, visit: &mut impl Visit) {
     visit.value(ParameterId::Environment, scene.environment.value());
 }
 
-/// As [`visit_scene`] for what only looks at tensors: objects are copied one after the other.
+/// Like [`visit_scene`], for visitors that only read tensors: objects are cloned one after the other.
 pub(crate) fn look_at_scene(scene: &Scene, visit: &mut impl Visit) {
     let mut material = 0;
     for (i, object) in scene.objects.iter().enumerate() {
@@ -138,8 +138,8 @@ pub(crate) fn look_at_scene(scene: &Scene, visit: &mut impl Visit) {
     visit.value(ParameterId::Environment, environment.value());
 }
 
-/// Visits the tensors of an object by its number; `material` is that of its first material, and of the next object's
-/// afterwards.
+/// Visits the tensors of the object with index `i`. `material` is the index of its first material, and afterwards the
+/// index of the next object's first material.
 fn visit_object(object: &mut Object, i: usize, material: &mut usize, visit: &mut impl Visit) {
     use ParameterId::{Colours, Material, NormalMap, Normals, Tangents, Uvs, Velocity, Vertices};
     let mesh = &mut object.mesh;
@@ -192,7 +192,7 @@ pub(crate) fn visit_camera(camera: &mut Camera, visit: &mut impl Visit) {
 }
 
 impl Scene {
-    /// Whether gradients flow to any tensor of it.
+    /// Whether any tensor of the scene is tracked.
     pub(crate) fn is_tracked(&self) -> bool {
         struct Tracked(bool);
         impl Visit for Tracked {
@@ -206,17 +206,17 @@ impl Scene {
     }
 }
 
-/// The tensors that are in a graph, flat, and the range of each in a row that holds them all.
+/// The tracked tensors, flattened, and the range of each in their concatenation.
 #[derive(Default)]
 pub(crate) struct Collect {
     pub places: Vec<(ParameterId, Range<usize>)>,
     pub rows: Vec<Tensor<1>>,
-    /// The length of the row.
+    /// The length of the concatenation.
     pub size: usize,
 }
 
 impl Collect {
-    /// A zero `[1]` that depends on all of them; None if there is none.
+    /// Returns a zero `[1]` that depends on all of them, or None if there are none.
     pub fn tracked_zero(self) -> Option<Tensor<1>> {
         let first = self.rows.into_iter().map(|t| t.slice([0..1]) * 0.0);
         first.reduce(|a, b| a + b)
@@ -234,11 +234,11 @@ impl Visit for Collect {
     }
 }
 
-/// Replaces the tensors that are in a graph by parts of one tensor.
+/// Replaces the tracked tensors by slices of one tensor.
 pub(crate) struct Replace {
-    /// The one tensor.
+    /// The tensor that is sliced.
     pub parameters: Tensor<1>,
-    /// The start of the next part.
+    /// The start of the next slice.
     pub next: usize,
 }
 

@@ -1,4 +1,4 @@
-//! Meshes moved, scaled and turned.
+//! Translation, scaling and rotation of meshes.
 
 use std::sync::Arc;
 
@@ -10,8 +10,8 @@ use super::{Mesh, Parameter, Transform};
 use crate::error::Error;
 use crate::geometry::{Context, sin_cos};
 
-/// The factors of [`Mesh::scaled`], as numbers or as a tensor. Numbers, arrays of three and tensors convert
-/// into it.
+/// The factors of [`Mesh::scaled`]: numbers or a tensor.
+/// Numbers, arrays of three numbers and tensors convert into this type.
 #[derive(Clone, Debug)]
 pub enum Scale {
     /// One factor for all axes.
@@ -33,10 +33,10 @@ conversions! {
 }
 
 impl Mesh {
-    /// Moves the mesh by an offset in scene units: three numbers or a tensor `[3]`.
+    /// Translates the mesh by an offset in scene units: three numbers or a tensor `[3]`.
     ///
-    /// A mesh that was moved by a tensor of another shape, device or float type than the vertices, or by
-    /// numbers that are not finite, can't be rendered: the render returns the error.
+    /// A render of the mesh returns an error if a tensor has another shape, device or float type than the vertices
+    /// require, or if numbers are not finite.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -55,15 +55,15 @@ impl Mesh {
         }
     }
 
-    /// Scales the mesh about the origin: by a number, a factor for each axis `[f64; 3]`, or a tensor `[1]` or `[3]`.
+    /// Scales the mesh about the origin: by a number, a factor per axis `[f64; 3]`, or a tensor `[1]` or `[3]`.
     ///
-    /// Shading normals are scaled by the inverse, so they stay those of the surface. With an odd number of
-    /// negative factors the mesh is a mirror image, which would turn it inside out: its faces are wound the
-    /// other way, so the front stays the front.
+    /// Shading normals are scaled by the inverse, so they stay normals of the surface. An odd number of negative
+    /// factors mirrors the mesh, which would turn it inside out. Its faces are then wound the other way, so the front
+    /// stays the front.
     ///
-    /// The mesh can't be rendered, and the render returns the error, if a factor is not finite, if a tensor has
-    /// another shape, device or float type, or if one of three factors is 0 and the mesh has shading
-    /// normals. The factors are read back from their device.
+    /// The factors are read back from their device. A render of the mesh returns an error if a factor is not finite, if
+    /// a tensor has another shape, device or float type, or if one of three factors is 0 and the mesh has shading
+    /// normals.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -94,7 +94,7 @@ impl Mesh {
         }
     }
 
-    /// Scales by a tensor `[1]` or `[3]` whose values are `factors`.
+    /// Scales by a tensor `[1]` or `[3]` with the values `factors`.
     fn scaled_by(mut self, factors: [f64; 3], scale: Tensor<1>) -> Self {
         let [n] = scale.dims();
         let scale = scale.reshape([1, n]);
@@ -104,7 +104,7 @@ impl Mesh {
                     let expected = "factors other than 0 for a mesh with shading normals";
                     return self.mistaken(Mistake::new(format!("scaled by {factors:?}"), expected));
                 }
-                // Their length doesn't matter, but must be one that floats hold.
+                // The length of normals doesn't matter, but it must not overflow or underflow.
                 let least = factors.iter().fold(f64::INFINITY, |m, s| m.min(s.abs()));
                 normals.values = normals.values.clone() * (scale.clone().recip() * least);
             } else if factors[0] < 0.0 {
@@ -120,12 +120,14 @@ impl Mesh {
         }
     }
 
-    /// Rotates the mesh about an axis through the origin, by an angle in radians, counter-clockwise seen from the
-    /// axis's tip. The axis is three numbers or a tensor `[3]` of any length but 0, the angle a number
-    /// or a tensor `[1]`; both are differentiable. Shading normals turn along.
+    /// Rotates the mesh about an axis through the origin by an angle in radians.
     ///
-    /// The mesh can't be rendered, and the render returns the error, if the axis is 0 or not finite, the angle is not
-    /// finite, or a tensor has another shape, device or float type. Both are read back from their device.
+    /// The rotation is counter-clockwise seen from the axis's tip. The axis is three numbers or a tensor `[3]` of any
+    /// length but 0. The angle is a number or a tensor `[1]`. Both are differentiable. Shading normals and tangents
+    /// rotate too.
+    ///
+    /// Axis and angle are read back from their device. A render of the mesh returns an error if the axis is 0 or not
+    /// finite, the angle is not finite, or a tensor has another shape, device or float type.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -154,7 +156,7 @@ impl Mesh {
                 "one that is not 0",
             ));
         }
-        // Squares of its components may be more or less than floats hold.
+        // Squares of the components may overflow or underflow.
         let largest = values.iter().fold(0f64, |m, v| m.max(v.abs()));
         let axis = axis * largest.recip();
         let unit = axis.clone() / (axis.clone() * axis).sum().sqrt();
@@ -162,7 +164,7 @@ impl Mesh {
         Ok(Tensor::cat(vec![cos, unit * sin], 0))
     }
 
-    /// The values of a parameter and its tensor from [`Self::like_vertices`].
+    /// Returns the values of a parameter and its tensor from [`Self::like_vertices`].
     fn read<const C: usize>(&self, by: &str, p: &Parameter<C>) -> Read<([f64; C], Tensor<1>)> {
         let tensor = self.like_vertices(by, p)?;
         match p.values() {
@@ -174,7 +176,7 @@ impl Mesh {
         }
     }
 
-    /// A parameter as a tensor on the device and in the float type of the vertices.
+    /// Returns a parameter as a tensor on the device and in the float type of the vertices.
     fn like_vertices<const C: usize>(&self, by: &str, p: &Parameter<C>) -> Read<Tensor<1>> {
         let (device, dtype) = (self.vertices.device().inner(), self.vertices.dtype());
         let tensor = match p {
@@ -203,7 +205,7 @@ impl Mesh {
         }
     }
 
-    /// Winds the faces of the mesh and of its attributes the other way.
+    /// Reverses the winding of the faces of the mesh and of its attributes, and the sign of bitangents.
     pub(super) fn mirrored(mut self) -> Self {
         let swapped =
             |faces: &[[u32; 3]]| Arc::new(faces.iter().map(|&[a, b, c]| [a, c, b]).collect());
@@ -223,7 +225,7 @@ impl Mesh {
     }
 }
 
-/// What was read, or the mistake.
+/// A value that was read, or a mistake.
 type Read<T> = Result<T, Mistake>;
 
 fn finite(by: &str, values: &[f64]) -> Read<()> {

@@ -1,4 +1,4 @@
-//! Meshes by formula; all counter-clockwise seen from outside.
+//! Meshes from formulas. All faces are counter-clockwise seen from outside.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -8,19 +8,19 @@ use burn::tensor::Device;
 use super::mesh::{host_tensor, split_in_four};
 use super::{CornerAttribute, Mesh};
 
-/// A mesh of one triangle with the front where its corners go counter-clockwise.
+/// Creates a mesh of one triangle. On its front side the corners run counter-clockwise.
 pub fn triangle(a: [f64; 3], b: [f64; 3], c: [f64; 3], device: &Device) -> Mesh {
     Mesh::from_host(&[a, b, c], vec![[0, 1, 2]], device)
 }
 
-/// Two triangles, a b c and a c d, with the unit square as texture coordinates.
+/// Creates two triangles, a b c and a c d, with the unit square as texture coordinates.
 pub fn quad(a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3], device: &Device) -> Mesh {
     let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     Mesh::from_host(&[a, b, c, d], vec![[0, 1, 2], [0, 2, 3]], device)
         .with_uvs(host_tensor(&uvs, device))
 }
 
-/// A cube of side 2 about the origin: 8 shared vertices, 12 faces.
+/// Creates a cube of side 2 about the origin, with 8 shared vertices and 12 faces.
 pub fn cube(device: &Device) -> Mesh {
     let vertices: Vec<[f64; 3]> = (0..8)
         .map(|i| [1, 2, 4].map(|bit| if i & bit == 0 { -1.0 } else { 1.0 }))
@@ -40,12 +40,12 @@ pub fn cube(device: &Device) -> Mesh {
     Mesh::from_host(&vertices, faces, device)
 }
 
-/// A regular icosahedron of circumradius 1.
+/// Creates a regular icosahedron of circumradius 1.
 pub fn icosahedron(device: &Device) -> Mesh {
     icosphere(0, device)
 }
 
-/// A unit sphere of 20·4ⁿ faces: an icosahedron subdivided n times.
+/// Creates a unit sphere of 20·4ⁿ faces: an icosahedron that is subdivided n times.
 pub fn icosphere(subdivisions: u32, device: &Device) -> Mesh {
     let phi = (1.0 + 5f64.sqrt()) / 2.0;
     let unit = |v: [f64; 3]| glam::DVec3::from(v).normalize().to_array();
@@ -66,13 +66,15 @@ pub fn icosphere(subdivisions: u32, device: &Device) -> Mesh {
     Mesh::from_host(&vertices, faces, device)
 }
 
-/// A unit sphere about the origin with smooth shading normals and texture coordinates: `segments` around
-/// the y axis (at least 3), `rings` from pole to pole (at least 2), 2·segments·(rings − 1) faces.
+/// Creates a unit sphere about the origin with smooth shading normals and texture coordinates.
 ///
-/// It is closed, with one vertex at each pole. u goes once around, counter-clockwise seen from +y, from 0
-/// at +z; v goes with the angle from 0 at the pole −y to 1 at +y. So an image of 2 × 1 that is laid out
-/// as a map of the world is seen unmirrored from outside. The normals are those of the sphere and do not
-/// follow other vertices: see [`Mesh::smooth_normals`]. For even triangles take an [`icosphere`].
+/// It has `segments` divisions around the y axis and `rings` divisions from pole to pole; values below 3 and 2 are
+/// raised to these. The number of faces is 2·segments·(rings − 1). The sphere is closed, with one vertex at each pole.
+///
+/// u runs once around the y axis, counter-clockwise seen from +y, from 0 at +z. v is proportional to the polar angle,
+/// from 0 at the pole −y to 1 at +y. An image of aspect 2 × 1 that is laid out as a map of the world therefore appears
+/// unmirrored from outside. The normals are the normals of the sphere and do not follow changed vertices: see
+/// [`Mesh::smooth_normals`]. For triangles of similar size use an [`icosphere`].
 ///
 /// ```
 /// use softray::prelude::*;
@@ -85,7 +87,7 @@ pub fn sphere(segments: usize, rings: usize, device: &Device) -> Mesh {
     let (n, rings) = (segments.max(3), rings.max(2));
     let (mut vertices, mut uvs) = (vec![[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]], Vec::new());
     let (mut faces, mut uv_faces) = (Vec::new(), Vec::new());
-    // Between the poles, from below; texture coordinates with a column more, at the seam.
+    // Rings between the poles, from below. Texture coordinates have one more column, for the seam.
     for j in 1..rings {
         let v = j as f64 / rings as f64;
         let (radius, height) = (PI * v).sin_cos();
@@ -98,7 +100,7 @@ pub fn sphere(segments: usize, rings: usize, device: &Device) -> Mesh {
             }
         }
     }
-    // A pole has texture coordinates for each of its faces, in the middle of the face.
+    // Each face at a pole has its own texture coordinates there, in the middle of the face.
     let poles = uvs.len() as u32;
     for v in [0.0, 1.0] {
         uvs.extend((0..n).map(|i| [(i as f64 + 0.5) / n as f64, v]));
@@ -130,10 +132,10 @@ pub fn sphere(segments: usize, rings: usize, device: &Device) -> Mesh {
     mesh
 }
 
-/// The 20 triples of mutually nearest vertices, wound outwards.
+/// Returns the 20 triples of mutually nearest vertices, wound outwards.
 fn hull_of_icosahedron(vertices: &[[f64; 3]]) -> Vec<[u32; 3]> {
     let at = |i: usize| glam::DVec3::from(vertices[i]);
-    // Neighbours on the unit icosahedron have a dot product of 1/√5, others −1/√5 or −1.
+    // Neighbors on the unit icosahedron have a dot product of 1/√5, other pairs −1/√5 or −1.
     let near = |i: usize, j: usize| at(i).dot(at(j)) > 0.4;
     let mut faces = Vec::new();
     for i in 0..12 {
@@ -150,8 +152,9 @@ fn hull_of_icosahedron(vertices: &[[f64; 3]]) -> Vec<[u32; 3]> {
     faces
 }
 
-/// A closed torus about the y axis: `segments` around the axis, `rings` around the tube (at least
-/// 3 of each).
+/// Creates a closed torus about the y axis.
+/// `major` is the distance from the axis to the middle of the tube and `minor` the radius of the tube, in scene units.
+/// There are `segments` divisions around the axis and `rings` around the tube; values below 3 are raised to 3.
 pub fn torus(major: f64, minor: f64, segments: usize, rings: usize, device: &Device) -> Mesh {
     let (segments, rings) = (segments.max(3), rings.max(3));
     let mut vertices = Vec::new();
@@ -171,7 +174,7 @@ pub fn torus(major: f64, minor: f64, segments: usize, rings: usize, device: &Dev
     Mesh::from_host(&vertices, faces, device)
 }
 
-/// A closed cylinder with caps about the y axis, centred (at least 3 segments).
+/// Creates a closed cylinder with caps about the y axis, centered at the origin. `segments` is raised to at least 3.
 pub fn cylinder(radius: f64, height: f64, segments: usize, device: &Device) -> Mesh {
     let n = segments.max(3);
     let mut vertices = vec![[0.0, -height / 2.0, 0.0], [0.0, height / 2.0, 0.0]];
@@ -187,8 +190,9 @@ pub fn cylinder(radius: f64, height: f64, segments: usize, device: &Device) -> M
     Mesh::from_host(&vertices, faces, device)
 }
 
-/// A grid of rectangles in the plane y = 0, facing +y, centred, with the unit square as texture
-/// coordinates (at least 1 column and row).
+/// Creates a grid of rectangles in the plane y = 0, facing +y and centered at the origin.
+/// `width` is along x and `depth` along z. The unit square is used as texture coordinates: u grows along +x, v along
+/// −z. `columns` and `rows` are raised to at least 1.
 pub fn plane_grid(width: f64, depth: f64, columns: usize, rows: usize, device: &Device) -> Mesh {
     let (columns, rows) = (columns.max(1), rows.max(1));
     let (mut vertices, mut uvs, mut faces) = (Vec::new(), Vec::new(), Vec::new());

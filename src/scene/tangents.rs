@@ -1,5 +1,5 @@
-//! Tangents from texture coordinates, by MikkTSpace (Mikkelsen 2008, *Simulation of Wrinkled Surfaces Revisited*), which
-//! normal maps are baked for.
+//! Tangents from texture coordinates by MikkTSpace (Mikkelsen 2008, *Simulation of Wrinkled Surfaces Revisited*), the
+//! convention in which normal maps are baked.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -13,16 +13,19 @@ use crate::error::Result;
 use crate::geometry::{Context, Vec3, length, unit_size};
 
 impl Mesh {
-    /// Sets tangents by MikkTSpace, which normal maps are made for, from vertices, texture coordinates and normals
-    /// (those of the faces where the mesh has none): around each vertex faces are joined across edges where
-    /// neither texture coordinates nor normals have a seam and the texture is not mirrored, and their tangents,
-    /// perpendicular to the normal, are added up, each weighted by the angle of its face.
+    /// Sets tangents by MikkTSpace, the convention of normal maps.
     ///
-    /// They are in the graph of all three. A render does this for meshes that have texture coordinates, a
-    /// material with a normal map and no tangents; call it beforehand where it is the same for many renders.
+    /// They are computed from vertices, texture coordinates and normals; a mesh without normals uses the normals of its
+    /// faces. Around each vertex, faces are joined across edges where neither texture coordinates nor normals have a
+    /// seam and the texture is not mirrored. Their tangents, perpendicular to the normal, are added, each weighted by
+    /// the angle of its face.
     ///
-    /// Faces without area, on the surface or in the texture, have no part; corners that only they touch get the
-    /// tangent (1, 0, 0). A mesh that can't be rendered or has no texture coordinates stays as it is.
+    /// The tangents are in the graph of all three inputs. A render computes them itself for meshes that have texture
+    /// coordinates, a material with a normal map and no tangents. Call this function beforehand to share them among
+    /// renders.
+    ///
+    /// Faces without area, on the surface or in the texture, do not contribute. Corners that only such faces touch get
+    /// the tangent (1, 0, 0). A mesh that can't be rendered or has no texture coordinates stays unchanged.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -43,18 +46,18 @@ impl Mesh {
     }
 }
 
-/// The place, normal and texture coordinate of a corner, by their bits.
+/// Position, normal and texture coordinates of a corner, by their bits.
 type Key = ([u64; 3], [u64; 3], [u64; 2]);
 
-/// The corners of a mesh on the host: those of the same place, normal and texture coordinate have one number.
+/// The corners of a mesh on the host. Corners of the same position, normal and texture coordinates have one number.
 struct Corners {
     numbers: Vec<[u32; 3]>,
-    /// Twice the area of each face in the texture, signed; None for a face without area.
+    /// Twice the signed area of each face in the texture; None for a face without area on the surface.
     texture: Vec<Option<f64>>,
 }
 
 impl Corners {
-    /// The corners of a mesh with these texture coordinates.
+    /// Numbers the corners of a mesh with these texture coordinates.
     fn new(mesh: &Mesh, uvs: &CornerAttribute) -> Result<Self> {
         let places = mesh.checked_vertices("mesh")?;
         let coordinates = mesh.check_attribute("mesh", "uvs", uvs, 2)?;
@@ -95,13 +98,13 @@ fn cross([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
     (b - a).cross(c - a).to_array()
 }
 
-/// Corners that share a tangent.
+/// Spaces: groups of corners that share a tangent.
 struct Spaces {
     /// The space of each corner of each face.
     faces: Arc<Vec<[u32; 3]>>,
-    /// The side of each space's bitangent.
+    /// The sign of each space's bitangent.
     sides: Vec<f64>,
-    /// Corners that count, face and number, with their space.
+    /// The corners that contribute: face, corner and space.
     counted: Vec<(u32, u8, u32)>,
 }
 
@@ -111,7 +114,7 @@ impl Spaces {
     fn new(corners: &Corners) -> Self {
         let count = corners.numbers.len();
         let neighbours = neighbours(corners);
-        // Faces without area in the texture have any side.
+        // A face without area in the texture joins either side.
         let mut side: Vec<Option<bool>> = corners
             .texture
             .iter()
@@ -139,7 +142,7 @@ impl Spaces {
                         continue;
                     }
                     spaces[face][at] = own;
-                    // Across the edges that leave the corner and come to it.
+                    // Across the edge that leaves the corner and the edge that arrives at it.
                     let next = [neighbours[face][at], neighbours[face][(at + 2) % 3]];
                     open.extend(next.into_iter().filter(|&n| n != NONE));
                 }
@@ -149,7 +152,7 @@ impl Spaces {
         for f in (0..count).filter(|&f| counts[f]) {
             counted.extend((0..3).map(|i| (f as u32, i as u8, spaces[f][i])));
         }
-        // A space of their own for corners that are in none.
+        // Corners that are in no space share an extra space.
         if spaces.iter().flatten().any(|&s| s == NONE) {
             let last = sides.len() as u32;
             sides.push(1.0);
@@ -163,7 +166,7 @@ impl Spaces {
         }
     }
 
-    /// The tangents `[N, 4]` of the spaces, in the graph of the mesh.
+    /// Returns the tangents `[N, 4]` of the spaces, in the graph of the mesh.
     fn tangents(&self, mesh: &Mesh, uvs: &CornerAttribute) -> Tensor<2> {
         let context = Context {
             device: mesh.vertices.device().inner(),
@@ -174,7 +177,7 @@ impl Spaces {
             return context.tensor(&[1.0, 0.0, 0.0, 1.0].repeat(spaces), [spaces, 4]);
         }
         let vertices = unit_size(mesh.vertices.clone().swap_dims(0, 1)).swap_dims(0, 1);
-        // Of the corner, the next and the one before.
+        // Values at each contributing corner (`turn` 0), at the next corner (1) and at the previous corner (2).
         let rows = |values: &Tensor<2>, faces: &[[u32; 3]], turn: usize| {
             let all = self.counted.iter();
             take_rows(
@@ -193,7 +196,7 @@ impl Spaces {
         let flat = |v: &Vec3| v.sub(&normal.scale(&normal.dot(v)));
 
         let v = |turn| rows(&uvs.values, &uvs.faces, turn).narrow(1, 1, 1);
-        // Its derivative along u, times twice the signed area in the texture.
+        // The derivative of the position along u, times twice the signed area in the texture.
         let tangent = next
             .scale(&(v(2) - v(0)))
             .sub(&before.scale(&(v(1) - v(0))));
@@ -215,8 +218,8 @@ impl Spaces {
     }
 }
 
-/// The face across each edge of each face, from a corner to the next; the first two that run along an edge in
-/// opposite directions.
+/// Returns the face across each edge of each face, from a corner to the next. Two faces that run along an edge in
+/// opposite directions are paired, each with one face at most.
 fn neighbours(corners: &Corners) -> Vec<[u32; 3]> {
     let mut found = vec![[NONE; 3]; corners.numbers.len()];
     let mut open: HashMap<(u32, u32), Vec<(u32, u8)>> = HashMap::new();

@@ -1,5 +1,5 @@
-//! Scenes and cameras copied to the host in one transfer: each that waits for a GPU costs more than its bytes. What is not
-//! in a graph is read once, as long as it is the same tensor.
+//! Copies scenes and cameras to the host in one transfer: each wait for a GPU costs more than the bytes. An untracked
+//! tensor is read once, as long as it stays the same tensor.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -11,15 +11,15 @@ use crate::device::is_cpu;
 use crate::error::Result;
 use crate::geometry::{Context, detached, host_values};
 
-/// What tells tensors of a device apart as long as they are kept: memory, the place in it, and the length.
+/// Distinguishes the tensors of a device while they are alive: memory, offset in it, and length.
 pub(crate) type Identity = [u64; 3];
 
-/// Constants that were read, with their numbers. They are kept on the device too, so that nothing else comes to be in
-/// their memory.
+/// Constants that were read: each with its tensors on the device and on the host. The tensor on the device is kept so
+/// that its memory is not reused.
 #[derive(Default)]
 pub(crate) struct Constants(HashMap<Identity, [Tensor<1>; 2]>);
 
-/// All tensors of some scenes and cameras, and more.
+/// All tensors of some scenes and cameras, and further tensors.
 pub(crate) struct Transfer<'a> {
     pub scenes: &'a mut [Scene],
     pub cameras: &'a mut [Camera],
@@ -34,12 +34,13 @@ impl Transfer<'_> {
         self.more.iter_mut().for_each(|t| visit.visit(vertices, t));
     }
 
-    /// Puts them on the host, out of their graph; those that were in it are leaves of others, so that checks know them.
-    /// They must be of the context's device, or there. Constants that have an identity there and were read before are not read
-    /// again.
+    /// Replaces the tensors by copies on the host, outside of their graph. Copies of tracked tensors are leaf tensors
+    /// of other graphs, so that `is_tracked` stays true for checks. The tensors must be on the context's device or on
+    /// the host. Constants that have an identity and were read before are not read again. Nothing happens if the
+    /// context's device is a CPU or no backend for the host is built in.
     ///
     /// # Errors
-    /// If they can't be read back.
+    /// If the tensors can't be read back.
     pub fn fetch(
         mut self,
         context: &Context,
@@ -87,24 +88,24 @@ impl Transfer<'_> {
     }
 }
 
-/// The device of a backend that computes on the host, if one is built in.
-#[allow(unreachable_code)] // One of several ways serves.
+/// Returns the device of a backend that computes on the host, if one is built in.
+#[allow(unreachable_code)] // Only one of the returns is reached.
 pub(crate) fn host_device() -> Option<Device> {
     #[cfg(feature = "flex")]
     return Some(Device::flex());
     #[cfg(feature = "ndarray")]
-    #[allow(deprecated)] // burn deprecates ndarray; it is offered all the same
+    #[allow(deprecated)] // burn deprecates ndarray; softray still supports it
     return Some(Device::ndarray());
     None
 }
 
-/// A tensor, flat, out of its graph, and what it is known by if it was not in one.
+/// A flat tensor outside of its graph, and its identity if it was untracked.
 struct Row {
     tensor: Tensor<1>,
     identity: Option<Identity>,
 }
 
-/// All tensors, those that are the same once.
+/// Collects all tensors. Tensors of the same identity are collected once.
 struct Gather {
     identity: fn(&Tensor<1>) -> Option<Identity>,
     rows: Vec<Row>,
@@ -136,7 +137,7 @@ impl Visit for Gather {
     }
 }
 
-/// Replaces all tensors by these rows, in their order.
+/// Replaces all tensors by these rows, in order.
 struct Scatter(VecDeque<Tensor<1>>);
 
 impl Visit for Scatter {

@@ -5,7 +5,7 @@ use burn::tensor::Tensor;
 use crate::debug::tensor;
 use crate::geometry::{host_values, sin_cos};
 
-/// What was done wrongly, and what was expected.
+/// A mistake: the value found and the values expected.
 #[derive(Clone, Debug)]
 pub(crate) struct Mistake {
     pub found: String,
@@ -21,16 +21,16 @@ impl Mistake {
     }
 }
 
-/// A similarity: scale, then rotation, then translation. Every part is a tensor or absent.
+/// A scale, then a rotation, then a translation. Each part is a tensor or absent.
 ///
-/// A part of a wrong shape is left out, and a mesh transformed by the rest can't be rendered: the error
-/// describes the mistake.
+/// A part of a wrong shape, or a rotation about an axis 0, is left out. A mesh with such a transform can't be rendered:
+/// the error of the render describes the mistake.
 #[derive(Clone, Default)]
 pub struct Transform {
     rotation: Option<Tensor<2>>,
     translation: Option<Tensor<1>>,
     scale: Option<Tensor<1>>,
-    /// The first mistake, if there was one.
+    /// The mistake that a render reports, if there is one.
     mistake: Option<Mistake>,
 }
 
@@ -53,13 +53,14 @@ impl fmt::Debug for Transform {
 }
 
 impl Transform {
-    /// The identity.
+    /// Creates the identity.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Sets the rotation by a quaternion `[4]` in the order (w, x, y, z). It is normalised here, so
-    /// any non-zero tensor is a rotation, and the gradient is defined at every angle.
+    /// Sets the rotation by a quaternion `[4]` in the order (w, x, y, z).
+    /// The quaternion is normalized here. So any non-zero tensor is a rotation, and the gradient is defined at every
+    /// angle.
     pub fn quaternion(mut self, q: Tensor<1>) -> Self {
         if !self.has_length("a quaternion", &q, &[4]) {
             return self;
@@ -114,8 +115,9 @@ impl Transform {
         self.quaternion(Tensor::cat(q, 0))
     }
 
-    /// Sets the rotation by the first two columns of its matrix `[6]` (x₀ y₀ z₀ x₁ y₁ z₁), made orthonormal here
-    /// (Zhou et al. 2019): continuous over all rotations, which suits networks.
+    /// Sets the rotation by the first two columns of its matrix, `[6]` (x₀ y₀ z₀ x₁ y₁ z₁).
+    /// They are made orthonormal here (Zhou et al. 2019). This form is continuous over all rotations, which suits
+    /// networks.
     pub fn six_d(mut self, columns: Tensor<1>) -> Self {
         if !self.has_length("six_d with columns", &columns, &[6]) {
             return self;
@@ -133,7 +135,7 @@ impl Transform {
         self
     }
 
-    /// Sets the translation `[3]`, scene units.
+    /// Sets the translation `[3]`, in scene units.
     pub fn translation(mut self, offset: Tensor<1>) -> Self {
         if self.has_length("a translation", &offset, &[3]) {
             self.translation = Some(offset);
@@ -141,7 +143,7 @@ impl Transform {
         self
     }
 
-    /// Sets the scale `[1]`, or `[3]` along the axes before rotation.
+    /// Sets the scale: `[1]`, or `[3]` with one factor per axis. It is applied before the rotation.
     pub fn scale(mut self, scale: Tensor<1>) -> Self {
         if self.has_length("a scale", &scale, &[1, 3]) {
             self.scale = Some(scale);
@@ -149,7 +151,7 @@ impl Transform {
         self
     }
 
-    /// Whether a part has one of these lengths; if not, the mistake is recorded.
+    /// Returns whether a part has one of these lengths. If not, it records the mistake.
     fn has_length(&mut self, part: &str, found: &Tensor<1>, expected: &[usize]) -> bool {
         let [length] = found.dims();
         let has = expected.contains(&length);
@@ -166,7 +168,7 @@ impl Transform {
         self.mistake.as_ref()
     }
 
-    /// Transforms points `[V, 3]`. Parts that had a wrong shape are left out.
+    /// Transforms points `[V, 3]`. Parts of a wrong shape are left out.
     pub fn apply(&self, points: Tensor<2>) -> Tensor<2> {
         let mut p = self.apply_to_directions(points);
         if let Some(t) = &self.translation {
@@ -175,7 +177,7 @@ impl Transform {
         p
     }
 
-    /// Transforms directions `[V, 3]` as differences of points, such as tangents: scales and turns them.
+    /// Transforms directions `[V, 3]`, such as tangents, like differences of points: by scale and rotation.
     pub fn apply_to_directions(&self, directions: Tensor<2>) -> Tensor<2> {
         let mut d = directions;
         if let Some(s) = &self.scale {
@@ -185,7 +187,7 @@ impl Transform {
         self.rotate(d)
     }
 
-    /// Transforms normals `[V, 3]` by the inverse transpose; their length changes.
+    /// Transforms normals `[V, 3]` by the inverse transpose. Their length changes.
     pub fn apply_to_normals(&self, normals: Tensor<2>) -> Tensor<2> {
         let mut n = normals;
         if let Some(s) = &self.scale {
@@ -195,7 +197,7 @@ impl Transform {
         self.rotate(n)
     }
 
-    /// Whether its scale turns a mesh inside out.
+    /// Whether the scale turns a mesh inside out.
     pub(super) fn mirrors(&self) -> bool {
         let factors = self.scale.as_ref().map(host_values);
         factors.is_some_and(|f| f.is_ok_and(|f| mirrors(&f)))
@@ -204,7 +206,7 @@ impl Transform {
     fn rotate(&self, p: Tensor<2>) -> Tensor<2> {
         match &self.rotation {
             Some(r) => {
-                // Products summed by hand: `matmul` may round to less than f32 on GPUs.
+                // Products are summed explicitly: `matmul` may round to less than f32 on GPUs.
                 let n = p.dims()[0];
                 let p = p.reshape([n, 1, 3]) * r.clone().reshape([1, 3, 3]);
                 p.sum_dim(2).reshape([n, 3])
@@ -214,8 +216,8 @@ impl Transform {
     }
 }
 
-/// Whether scaling by one factor, or by one for each axis, turns a mesh inside out: with an odd number of negative
-/// factors.
+/// Returns whether scaling by one factor, or by one factor per axis, turns a mesh inside out. It does if an odd number
+/// of factors is negative.
 pub(super) fn mirrors(factors: &[f64]) -> bool {
     factors.iter().filter(|&&s| s < 0.0).count() % 2 == 1
 }

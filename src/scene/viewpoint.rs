@@ -1,4 +1,4 @@
-//! Cameras from what a user has: a matrix, a calibration, an orbit, a scene that is to be in view.
+//! Cameras from a matrix, a calibration, an orbit, or a scene that must be in view.
 
 use burn::tensor::{Tensor, TensorData};
 use glam::{DMat3, DMat4, DVec3};
@@ -8,10 +8,10 @@ use super::{Bounds, Camera, Parameter, Projection, Scene};
 use crate::error::{Error, Result};
 use crate::geometry::{host_values, sin_cos};
 
-/// The margin that [`Camera::framing`] leaves around a scene, as a share of the image.
+/// The margin that [`Camera::framing`] leaves around a scene, as a fraction of the image.
 const MARGIN: f64 = 0.05;
 
-/// A square matrix that a user gives as numbers, row by row, or as a tensor `[N, N]`.
+/// A square matrix of numbers, row by row, or a tensor `[N, N]`.
 #[derive(Clone, Debug)]
 pub enum Matrix<const N: usize> {
     /// Rows of numbers.
@@ -29,7 +29,7 @@ conversions! {
 }
 
 impl<const N: usize> Matrix<N> {
-    /// The rows on the host.
+    /// Returns the rows on the host. Checks the shape and that all values are finite.
     fn rows(&self, field: &str) -> Result<[[f64; N]; N]> {
         let rows = match self {
             Self::Constant(rows) => *rows,
@@ -51,7 +51,7 @@ impl<const N: usize> Matrix<N> {
         Ok(rows)
     }
 
-    /// The numbers at these rows and columns times a factor, in the graph of the matrix.
+    /// Returns the values at these rows and columns times a factor, in the graph of the matrix.
     fn pick<const C: usize>(
         &self,
         rows: &[[f64; N]; N],
@@ -70,9 +70,9 @@ impl<const N: usize> Matrix<N> {
 }
 
 impl Camera {
-    /// A camera by its pose, a matrix from camera to world as OpenGL, Blender and NeRF have it: its columns are
-    /// right, up, backward and the position, in scene units. The field of view is 40° until
-    /// [`Camera::fov_y`] says otherwise. Given a tensor `[4, 4]`, gradients flow to it.
+    /// Creates a camera from its pose, a camera-to-world matrix in the convention of OpenGL, Blender and NeRF.
+    /// The columns are right, up, backward and the position, in scene units. The vertical field of view is 40° unless
+    /// [`Camera::fov_y`] sets another. If the matrix is a tensor `[4, 4]`, gradients flow to it.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -89,8 +89,8 @@ impl Camera {
     /// ```
     ///
     /// # Errors
-    /// If the last row is not (0, 0, 0, 1), the axes are left-handed or one is 0, or the tensor is of another
-    /// shape.
+    /// If the last row is not (0, 0, 0, 1), the axes are left-handed, an axis is 0, a value is not finite, or the
+    /// tensor has another shape.
     pub fn from_matrix(camera_to_world: impl Into<Matrix<4>>) -> Result<Self> {
         let matrix = camera_to_world.into();
         let rows = matrix.rows("matrix")?;
@@ -107,9 +107,10 @@ impl Camera {
         Ok(Self::look_at(eye, target).up(up))
     }
 
-    /// A calibrated camera as OpenCV and COLMAP have it: K in pixels of an image of `size` (columns, rows), and
-    /// rotation and translation from world to camera, x_camera = R·x_world + t, where the camera's x points
-    /// right, y down and z forward. Gradients flow to what is given as tensors, `[3, 3]`, `[3, 3]` and `[3]`.
+    /// Creates a calibrated camera in the convention of OpenCV and COLMAP.
+    /// K is in pixels of an image of `size` (columns, rows). Rotation and translation are from world to camera,
+    /// x_camera = R·x_world + t. The camera's x points right, y down and z forward. Gradients flow to arguments that
+    /// are tensors, `[3, 3]`, `[3, 3]` and `[3]`.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -122,7 +123,8 @@ impl Camera {
     /// ```
     ///
     /// # Errors
-    /// If K has skew or is not upper triangular, R is not a rotation, or a tensor is of another shape.
+    /// If K has skew or is not upper triangular, a focal length is not positive, R is not a rotation, `size` contains
+    /// 0, a value is not finite, or a tensor has another shape.
     pub fn from_intrinsics(
         k: impl Into<Matrix<3>>,
         rotation: impl Into<Matrix<3>>,
@@ -148,7 +150,7 @@ impl Camera {
             return Err(Error::invalid("camera", "R", format!("{r:?}"), expected));
         }
         translation.check("camera", "translation", Range::Finite)?;
-        // −Rᵀ·t: the rows of R times the numbers of t.
+        // −Rᵀ·t: the rows of R times the components of t.
         let eye = match (&rotation, &translation) {
             (Matrix::Constant(_), Parameter::Constant(t)) => {
                 Parameter::Constant((-(m * DVec3::from(*t))).to_array())
@@ -170,9 +172,10 @@ impl Camera {
         Ok(camera)
     }
 
-    /// A camera on a sphere around a target, `distance` scene units from it. Azimuth and elevation are in degrees:
-    /// from azimuth 0 it looks along −z, from 90 along −x; elevation is the height over the target's horizon.
-    /// Gradients flow to what is given as tensors.
+    /// Creates a camera on a sphere around a target.
+    /// `distance` is the radius in scene units. Azimuth and elevation are in degrees. At azimuth 0 the camera looks
+    /// along −z, at 90 along −x. Elevation is the angle above the target's horizon. Gradients flow to arguments that
+    /// are tensors.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -184,7 +187,8 @@ impl Camera {
     /// ```
     ///
     /// # Errors
-    /// If the distance is not positive, the elevation not in (−90°, 90°), or a tensor is of another shape.
+    /// If the distance is not positive, the elevation is not in (−90°, 90°), a value is not finite, or a tensor has
+    /// another shape.
     pub fn orbit(
         target: impl Into<Parameter<3>>,
         distance: impl Into<Parameter<1>>,
@@ -215,9 +219,10 @@ impl Camera {
         ))
     }
 
-    /// A camera with 40° of vertical field of view that has the whole of a scene in view, at any time of the
-    /// shutter, in an image that is at least as wide as high. `direction` points from the scene to the camera.
-    /// Given as a tensor `[3]`, gradients flow to it; how far away the camera stands is a constant.
+    /// Creates a camera with a vertical field of view of 40° that has the whole scene in view.
+    /// The scene is in view at any time of the shutter, in an image that is at least as wide as high. `direction`
+    /// points from the scene to the camera. If it is a tensor `[3]`, gradients flow to it. The distance of the camera
+    /// is a constant.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -229,23 +234,24 @@ impl Camera {
     /// ```
     ///
     /// # Errors
-    /// If the scene has no vertices, or the direction is 0.
+    /// If the scene has no bounds ([`Scene::bounds`]), all triangles are in one point, or the direction is 0 or not
+    /// finite.
     pub fn framing(scene: &Scene, direction: impl Into<Parameter<3>>) -> Result<Self> {
         Framing::of(scene)?.camera(direction.into())
     }
 }
 
-/// What cameras are to have in view, read back once for many of them.
+/// The points that cameras must have in view, read back once for many cameras.
 pub(crate) struct Framing {
     pub bounds: Bounds,
     points: Vec<DVec3>,
 }
 
 impl Framing {
-    /// Of a scene.
+    /// Reads the points of a scene.
     ///
     /// # Errors
-    /// If it has no vertices, or they are all in one point.
+    /// If the scene has no bounds, or all triangles are in one point.
     pub fn of(scene: &Scene) -> Result<Self> {
         let bounds = scene.bounds()?;
         bounds.check_extent()?;
@@ -255,7 +261,7 @@ impl Framing {
         })
     }
 
-    /// A camera as by [`Camera::framing`].
+    /// Creates a camera as [`Camera::framing`] does.
     pub fn camera(&self, direction: Parameter<3>) -> Result<Camera> {
         let towards = direction.check("camera", "direction", Range::Finite)?;
         let towards = DVec3::from(towards);
@@ -272,7 +278,7 @@ impl Framing {
         }
         let right = up.cross(backward).normalize();
         let above = backward.cross(right);
-        // A point is in view from a distance d if it is no further from the axis than (d − its place along the
+        // A point is in view from a distance d if its distance from the axis is at most (d − its coordinate along the
         // axis)·tan.
         let half = 20f64.to_radians().tan() * (1.0 - MARGIN);
         let mut distance = 0.0f64;
@@ -295,7 +301,7 @@ impl Framing {
 }
 
 impl Scene {
-    /// The corners of all faces, at the start and the end of the shutter.
+    /// Returns the corners of all faces, at the start and the end of the shutter.
     fn host_points(&self) -> Result<Vec<DVec3>> {
         let mut points = Vec::new();
         for object in &self.objects {
@@ -329,7 +335,7 @@ fn turned_back(r: Tensor<2>, t: Tensor<1>) -> Parameter<3> {
     Parameter::Tensor((r * t.reshape([3, 1])).sum_dim(0).reshape([3]) * (-1.0))
 }
 
-/// Constants as a tensor on the device and in the float type of another.
+/// Creates a constant tensor on the device and in the float type of `like`.
 fn beside<const D: usize>(values: &[f64], like: &Tensor<D>) -> Tensor<1> {
     let data = TensorData::new(values.to_vec(), [values.len()]);
     Tensor::from_data(data, (&like.device().inner(), like.dtype()))

@@ -1,13 +1,13 @@
-//! Textures outside of the unit square.
+//! Wrap modes of textures.
 
-/// How texture coordinates outside of [0, 1] are mapped into the image.
+/// The mapping of texture coordinates outside of [0, 1] into the image. The default is `Repeat`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Wrap {
-    /// Tiles.
+    /// The image is tiled.
     #[default]
     Repeat,
-    /// The border's texel goes on.
+    /// The texels of the border continue.
     Clamp,
-    /// Tiles, every other one mirrored.
+    /// The image is tiled, with every other tile mirrored.
     Mirror,
 }

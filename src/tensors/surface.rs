@@ -9,7 +9,7 @@ use crate::geometry::{
     nearest_on_triangle,
 };
 use crate::model::texture::wrapped;
-use crate::scene::{Bsdf, Channel, ChannelPlanes, Flattened, MaterialKind};
+use crate::scene::{BsdfKind, Channel, ChannelPlanes, Flattened, MaterialKind};
 
 /// Drawn surface points, rows `[1, N]`.
 pub(crate) struct SurfacePoints {
@@ -286,7 +286,7 @@ fn models(scene: &Flattened, materials: &[u32]) -> Vec<Model> {
     let mut found: Vec<(MaterialKind, _)> = Vec::new();
     for m in materials {
         let new = found.iter().all(|f| f.1 != of(m));
-        if new && of(m).0 != Bsdf::Phong {
+        if new && of(m).0 != BsdfKind::Phong {
             found.push((scene.materials.kinds[*m as usize], of(m)));
         }
     }

@@ -1,5 +1,4 @@
-//! Values at the corners of triangles, interpolated at points of them: texture coordinates, normals, colours and
-//! tangents, and their derivatives.
+//! Interpolation of texture coordinates, normals, colors and tangents from triangle corners, and their derivatives.
 
 use crate::cube::*;
 
@@ -12,10 +11,10 @@ use crate::model::lists::vector;
 use crate::model::normal_map::Tilt;
 use crate::model::{V2, V3, component, splat, v2};
 
-/// Normals of corners may cancel where they are interpolated.
+/// Lower bound of the length of an interpolated normal, since corner normals may cancel.
 const TINY: f32 = 1e-15;
 
-/// Three rows of a list.
+/// Three rows of a list, one per corner.
 #[apply(record!)]
 pub(crate) struct Rows {
     pub a: u32,
@@ -23,7 +22,7 @@ pub(crate) struct Rows {
     pub c: u32,
 }
 
-/// Those from a place of a list on.
+/// Reads three rows from index `at` of a list.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn rows_at(list: &[u32], at: u32) -> Rows {
@@ -33,7 +32,7 @@ pub(crate) fn rows_at(list: &[u32], at: u32) -> Rows {
     Rows { a: list[i], b, c }
 }
 
-/// The vectors at the corners of a triangle.
+/// Vectors at the corners of a triangle.
 #[apply(record!)]
 pub(crate) struct Corners {
     pub a: V3,
@@ -51,13 +50,13 @@ impl Corners {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Rows {
-    /// Whether there are any.
+    /// Returns whether the triangle has rows.
     #[inline(always)]
     pub fn exist(&self) -> bool {
         self.a != NONE
     }
 
-    /// The vectors of a list with a stride.
+    /// Reads the vectors of the rows from a list with a stride.
     #[inline(always)]
     pub fn of(&self, list: &[f32], stride: u32) -> Corners {
         Corners {
@@ -78,7 +77,7 @@ impl Rows {
         row
     }
 
-    /// Adds a derivative by an interpolated vector to those by the vectors at a triangle's corners.
+    /// Adds the derivative with respect to an interpolated vector to those of the vectors at the corners.
     #[inline(always)]
     pub fn add(&self, sums: &Sums, weights: V3, g: V3, part: u32) {
         let mut k = 0u32;
@@ -91,19 +90,19 @@ impl Rows {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl<'a> Scene<'a> {
-    /// The rows of a triangle's texture coordinates.
+    /// Returns the rows of a triangle's texture coordinates.
     #[inline(always)]
     pub fn uv_rows(&self, triangle: u32) -> Rows {
         rows_at(self.triangles, TRIANGLE * triangle + UV_ROWS)
     }
 
-    /// The rows of its normals.
+    /// Returns the rows of a triangle's normals.
     #[inline(always)]
     pub fn normal_rows(&self, triangle: u32) -> Rows {
         rows_at(self.triangles, TRIANGLE * triangle + NORMAL_ROWS)
     }
 
-    /// Texture coordinates of a row.
+    /// Returns the texture coordinates of a row.
     #[inline(always)]
     pub fn uv_of(&self, row: u32) -> V2 {
         let i = 2 * row as usize;
@@ -111,7 +110,7 @@ impl<'a> Scene<'a> {
         v2(self.uvs[i], v)
     }
 
-    /// Texture coordinates at a point of a triangle; 0 where nothing has a texture.
+    /// Returns the texture coordinates at a point of a triangle; 0 if nothing has a texture.
     #[inline(always)]
     pub fn uv_at(&self, triangle: u32, weights: V3) -> V2 {
         let mut uv = v2(0.0, 0.0);
@@ -130,13 +129,14 @@ impl<'a> Scene<'a> {
         uv
     }
 
-    /// The rows of the colours that a triangle's diffuse albedo is multiplied by.
+    /// Returns the rows of the vertex colors that a triangle's diffuse albedo is multiplied by.
     #[inline(always)]
     pub fn rows_of_colours(&self, triangle: u32) -> Rows {
         rows_at(self.colour_rows, 3 * triangle)
     }
 
-    /// The interpolated normal, on the side of the geometric one; that itself where the triangle has none.
+    /// Returns the interpolated normal on the side of the geometric normal, or the geometric normal if the triangle
+    /// has no normals.
     #[inline(always)]
     pub fn normal_at(&self, triangle: u32, weights: V3, geometric: V3) -> V3 {
         let mut normal = geometric;
@@ -149,7 +149,8 @@ impl<'a> Scene<'a> {
         normal
     }
 
-    /// The tilt of a normal on the front side by its material's map, if the triangle has tangents.
+    /// Returns the tilt of a normal on the front side by the normal map of the material. It exists if there is a map
+    /// and the triangle has tangents.
     #[inline(always)]
     pub fn tilt_at(&self, triangle: u32, material: u32, weights: V3, uv: V2, normal: V3) -> TiltAt {
         let map = MATERIAL * material + NORMAL_MAP;
@@ -174,7 +175,7 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Adds a derivative by the texture coordinates at a point of a triangle.
+    /// Adds the derivative with respect to the texture coordinates at a point of a triangle.
     #[inline(always)]
     pub fn add_to_uvs(&self, sums: &Sums, triangle: u32, weights: V3, by_uv: V2) {
         if comptime!(sums.of.uvs && self.features.textured) {
@@ -192,7 +193,7 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Adds a derivative by a point of a triangle, which moves with its corners.
+    /// Adds the derivative with respect to a point of a triangle, which moves with the triangle's corners.
     #[inline(always)]
     pub fn add_to_corners(&self, sums: &Sums, triangle: u32, weights: V3, g: V3, time: f32) {
         rows_at(self.vertex_rows, 3 * triangle).add(sums, weights, g, VERTICES);
@@ -202,7 +203,7 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// A sum with weights, of unit length and on the side of a geometric normal, and what it was multiplied by.
+/// A weighted sum, normalized and on the side of a geometric normal, and the factor it was multiplied by.
 #[apply(record!)]
 pub(super) struct Facing {
     pub normal: V3,
@@ -220,12 +221,12 @@ pub(super) fn facing(sum: V3, geometric: V3) -> Facing {
     }
 }
 
-/// A tilt of a normal, if there is one.
+/// The tilt of a normal, if it exists.
 #[apply(record!)]
 pub(crate) struct TiltAt {
     pub tilt: Tilt,
     pub exists: bool,
-    /// The place of the words of the normal map, and the rows of tangents.
+    /// Index of the words of the normal map, and the rows of tangents.
     pub map: u32,
     pub rows: Rows,
 }

@@ -1,4 +1,4 @@
-//! Points of edges drawn as a point sees them, the faces on their two sides, and their derivatives.
+//! Sampled points of edges seen from a point, the faces on their two sides, and their derivatives.
 
 use crate::cube::*;
 
@@ -14,7 +14,7 @@ use crate::model::lists::vector;
 use crate::model::segment::{clip_to_cone, point_by_angle};
 use crate::model::{V3, select_vector};
 
-/// Up to four triangles, [`NONE`] where there are no more.
+/// Up to four triangles; [`NONE`] where there are fewer.
 #[apply(zeroed!)]
 pub(crate) struct Faces {
     pub a: u32,
@@ -31,33 +31,33 @@ impl Faces {
     }
 }
 
-/// A point of an edge that is seen from a point.
+/// A point of an edge, seen from another point.
 #[apply(zeroed!)]
 pub(crate) struct EdgePoint {
-    /// Where its words begin.
+    /// Index of the edge's first word.
     pub edge: u32,
     pub a: V3,
     pub along: V3,
     pub crossing: bool,
     pub faces: Faces,
-    /// Its place on the edge, from a to b, and 1 over the density with which it was drawn; 0 if there is none.
+    /// Its position on the edge, from a to b, and the reciprocal of its sampling density; 0 if there is no point.
     pub lambda: f32,
     pub per_density: f32,
-    /// Whether it is there at its time.
+    /// Whether the edge exists at its time.
     pub exists: bool,
-    /// The vector from the point that sees it.
+    /// The vector to it from the point that sees it.
     pub to: V3,
     pub position: V3,
 }
 
-/// Words of an edge: its faces, the rows of its ends in the vertices of the first two faces, its object, and
-/// 1 for a crossing, 2 for one whose line moves while the shutter is open.
+/// Words of an edge: its faces, the rows of its ends in the vertices of the first two faces, its object, and 1 for a
+/// crossing, or 2 for a crossing whose line moves during the shutter.
 pub(crate) const OF_EDGE: usize = 10;
 pub(crate) const ROWS_OF_EDGE: u32 = 4;
 const OBJECT_OF_EDGE: u32 = 8;
 const IS_CROSSING: u32 = 9;
 
-/// An edge as it is at a time, but for its object's motion; not yet a point of it.
+/// Returns an edge at a time, without its object's motion; the point on it is not set yet.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn edge_of(scene: &Scene, index: u32, time: f32) -> EdgePoint {
@@ -89,7 +89,8 @@ pub(crate) fn edge_of(scene: &Scene, index: u32, time: f32) -> EdgePoint {
     p
 }
 
-/// A point of an edge that was drawn, and 1 over its probability, in a cone of directions above the surface that sees it.
+/// Samples a point on a drawn edge, in the part that lies in the query's cone and above the surface that sees it.
+/// `per_chance` is 1 over the edge's probability.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn edge_point(
@@ -115,7 +116,7 @@ pub(crate) fn edge_point(
     p
 }
 
-/// The vector from a point of an edge's line to that corner of a face that is farthest from the line.
+/// Returns the vector from a point of an edge's line to the corner of a face that is farthest from the line.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn into_face(scene: &Scene, face: u32, p: &EdgePoint, time: f32) -> V3 {
@@ -123,19 +124,19 @@ fn into_face(scene: &Scene, face: u32, p: &EdgePoint, time: f32) -> V3 {
     let mut on_line = p.a;
     if comptime!(scene.features.moves) {
         if scene.of_edges[(p.edge + IS_CROSSING) as usize] == 2 {
-            // Where the face was at rest.
+            // Relative to the face at rest.
             on_line = p.position - scene.shift(face, time);
         }
     }
     farthest(on.a - on_line, on.b - on_line, on.c - on_line, p.along)
 }
 
-/// The faces of an edge that are seen on its two sides, the second towards `side`.
+/// Returns the faces of an edge that are seen on its two sides; the + side lies toward `side`.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn sides(scene: &Scene, p: &EdgePoint, view: V3, side: V3, time: f32) -> Sides {
     let mut sides = Sides::new(p.along, view, side);
-    // 1 where faces are split: of a crossing both halves of each are there.
+    // 1 for a crossing, which splits each face into two halves.
     let split = select(p.crossing, 1, 0u32);
     let mut i = 0u32;
     while i < 4u32 << split {
@@ -151,12 +152,12 @@ pub(crate) fn sides(scene: &Scene, p: &EdgePoint, view: V3, side: V3, time: f32)
     sides
 }
 
-/// Adds a derivative by an edge's point, to what the edge moves with.
+/// Adds the derivative with respect to an edge's point to the parameters that move the edge.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn add_to_edge(scene: &Scene, sums: &Sums, p: &EdgePoint, g: V3, time: f32) {
     if p.crossing {
-        // A point of a line in which two planes cross moves with both.
+        // A point of the line in which two planes cross moves with both.
         let mut k = 0u32;
         while k < 2 {
             let face = scene.of_edges[(p.edge + k) as usize];

@@ -1,4 +1,4 @@
-//! Where points of a path look for edges: those of the shadows of emitters, and those that surfaces reflect.
+//! Edge searches from points of a path: edges of emitters' shadows, and edges in the light that surfaces reflect.
 
 use crate::cube::*;
 
@@ -13,22 +13,23 @@ use crate::model::jumps::{LobeSearch, of_lobe, towards_group, towards_light};
 use crate::model::lists::vector;
 use crate::sampling::{Four, Receiver};
 
-/// A point of a path that looks at edges.
+/// A point of a path from which edges are searched.
 #[apply(record!)]
 pub(crate) struct Observer {
     pub point: Point,
     pub bounce: u32,
-    /// Whether it moves, or the directions that it looks in turn.
+    /// Whether it moves, or its search directions turn.
     pub moves: bool,
-    /// The derivative of the loss by the light that leaves it, times the path's throughput: what a search has of it.
+    /// The derivative of the loss with respect to the light leaving the point, times the path's throughput. Each
+    /// search has its share of it.
     pub carried: V3,
-    /// How many searches it makes on average.
+    /// Mean number of searches.
     pub searches: f32,
 }
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Observer {
-    /// It in each of so many searches.
+    /// Returns the observer for each of `most` searches.
     #[inline(always)]
     pub fn part(self, most: u32) -> Observer {
         let mut part = self;
@@ -38,32 +39,32 @@ impl Observer {
     }
 }
 
-/// A search for an edge, and what is done with it.
+/// A search for an edge, and the use of its result.
 #[apply(record!)]
 pub(crate) struct Search {
     pub query: Query,
     pub lobe: Lobe,
     pub asked: bool,
-    /// Whether it is of the light of emitters.
+    /// Whether it is for the light of emitters.
     pub of_light: bool,
     pub moves: bool,
-    /// For a point of the edge, and for the kernel of the cone.
+    /// Random numbers for the point on the edge, and for the blur of the cone.
     pub u: f32,
     pub v: f32,
     pub cone_u: f32,
     pub cone_v: f32,
-    /// What the light's derivative is multiplied by.
+    /// Factor of the light's derivative.
     pub scale: f32,
     pub of_gloss: bool,
-    /// Emitters whose shadow it is of.
+    /// The emitters whose shadow edges are searched.
     pub first: u32,
     pub past: u32,
     /// Whether that is a delta light.
     pub is_light: bool,
 }
 
-/// Whether one of the searches of a point is made, for an edge of the light of emitters or of reflected light, by a uniform
-/// number. It makes `searches` on average, 1 if more.
+/// Returns whether a search of a point is made, for an edge of the light of emitters or of reflected light, by a
+/// uniform number. Its probability is min(1, `searches`).
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn looks_for_edges(
@@ -73,13 +74,13 @@ pub(crate) fn looks_for_edges(
     of_light: bool,
     u: f32,
 ) -> bool {
-    // At the end of a path only the environment is seen.
+    // At the end of a path only the environment is visible.
     let sees = comptime!(scene.features.sees_sky || scene.features.gathers_map);
     u < searches.min(1.0) && (of_light || bounce < scene.bounces || sees)
 }
 
-/// A search for an edge of the light of emitters, or of reflected light, by four uniform numbers; of light by two more.
-/// `room` is that of a choice of an emitter, and `grouped` says whether emitters are in several groups.
+/// Returns a search for an edge of the light of emitters or of reflected light, for the four uniform numbers `drawn`;
+/// a search for emitters' light also uses two of `more`. `room` is working memory for the choice of an emitter.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn search(
@@ -129,7 +130,7 @@ pub(crate) fn search(
                     if comptime!(scene.features.of_emitters.lights) {
                         let seen = emitters_of(scene).light(s.first).seen_from(x);
                         s.query = towards_light(x, time, seen.direction, tangent);
-                        // Without a cone its shadow's edge is none of an integral.
+                        // Without a cone, the edge of its shadow is not a boundary of any integral.
                         s.asked = tangent > 0.0 && seen.scale > 0.0;
                     }
                 } else {

@@ -1,4 +1,4 @@
-//! What is seen right beside a point of an edge, on both sides.
+//! The surfaces seen directly beside a point of an edge, on both sides.
 
 use crate::cube::*;
 
@@ -9,7 +9,7 @@ use crate::model::edge::TOUCHING;
 use crate::model::jumps::{Sides, half_beside, inside};
 use crate::model::{V3, select_vector};
 
-/// A ray that comes to an edge's point, and the faces that are seen beside it.
+/// A ray to an edge's point, and the faces seen beside it.
 #[apply(record!)]
 pub(crate) struct Approach {
     pub point: EdgePoint,
@@ -18,7 +18,7 @@ pub(crate) struct Approach {
     pub sides: Sides,
 }
 
-/// Whether what a ray hit hides an edge's point, and does not touch it.
+/// Returns whether the triangle that a ray hit occludes an edge's point and does not touch it.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn hides(scene: &Scene, hit: &Hit, p: &EdgePoint, time: f32) -> bool {
@@ -31,18 +31,19 @@ pub(crate) fn hides(scene: &Scene, hit: &Hit, p: &EdgePoint, time: f32) -> bool 
     hidden
 }
 
-/// A surface point beside an edge, by a place about there, seen along a direction from a distance; or the environment.
+/// A surface point beside an edge, given by a nearby position, seen along a direction from a distance; or the
+/// environment.
 #[apply(zeroed!)]
 pub(crate) struct Beside {
-    /// [`NONE`] where the environment is seen.
+    /// [`NONE`] if the environment is seen.
     pub triangle: u32,
     pub near: V3,
     pub direction: V3,
     pub distance: f32,
 }
 
-/// What is seen beside an edge's point, from what a ray past the edge hits. The line of a crossing divides the face: of
-/// its halves the one on that side is seen.
+/// Returns the surface seen on one side of an edge's point; `behind` is the hit of a ray past the edge. The line of a
+/// crossing divides a face, of which the half on that side is seen.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn beside(
@@ -77,7 +78,7 @@ pub(crate) fn beside(
     found
 }
 
-/// Whether the faces on both sides are of one material: then paths there go the same ways.
+/// Returns whether there are faces of one material on both sides, so that paths on both sides can go the same ways.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn is_crease(scene: &Scene, sides: &Sides) -> bool {

@@ -1,13 +1,13 @@
-//! What stages are compiled for on GPUs: what a scene does not need is not in a kernel. On the host these are conditions
-//! like others.
+//! Compile-time switches of the stages: on GPUs, kernels omit features that a scene does not use. On the host these
+//! are ordinary conditions.
 
 use crate::model::bsdf::Models;
 use crate::sampling::{EmitterKinds, Sequence};
 
-/// What a scene and its view have.
+/// Features that a scene and its view use.
 #[derive(Clone, Copy, Debug, Default, Hash, PartialEq, Eq)]
 pub(crate) struct Features {
-    /// Whether the tree of boxes has nodes, and room for a stack of them.
+    /// Whether the BVH has nodes, and the size of its stack.
     pub boxes: bool,
     pub stack: usize,
     pub moves: bool,
@@ -17,7 +17,7 @@ pub(crate) struct Features {
     pub textured: bool,
     pub tinted: bool,
     pub tilted: bool,
-    /// Whether any emission is a texture.
+    /// Whether any emission is textured.
     pub glows: bool,
     pub holes: bool,
     pub glossy: bool,
@@ -27,8 +27,8 @@ pub(crate) struct Features {
     pub combined: bool,
     pub sky_constant: bool,
     pub sky_map: bool,
-    /// Whether bounce rays that miss bring light of the environment; that of a map is gathered at surfaces instead, if
-    /// strategies are combined.
+    /// Whether bounce rays that miss carry light of the environment. If MIS is used, light of an environment map is
+    /// gathered at surfaces instead.
     pub sees_sky: bool,
     pub gathers_map: bool,
     /// Whether there is no light at all.
@@ -39,34 +39,34 @@ pub(crate) struct Features {
 }
 
 impl Features {
-    /// Whether points have the normals of their triangles, and materials that are matt and constant.
+    /// Returns whether all points have their triangle's normal and a constant diffuse material.
     pub fn plain_points(&self) -> bool {
         !(self.smooth || self.tilted || self.textured || self.tinted || self.glossy)
     }
 }
 
-/// The derivatives that are asked for.
+/// The derivatives that are requested.
 #[derive(Clone, Copy, Debug, Default, Hash, PartialEq, Eq)]
 pub(crate) struct Derivatives {
-    /// Whether rays and the points that they hit have any.
+    /// Whether rays and their hit points have derivatives.
     pub rays: bool,
-    /// Whether any object's vertices or velocity have.
+    /// Whether vertices or velocity of any object have derivatives.
     pub objects: bool,
     pub velocities: bool,
     pub uvs: bool,
     pub normals: bool,
     pub colours: bool,
     pub tangents: bool,
-    /// Colours and exponents of materials.
+    /// Colors and exponents of materials.
     pub materials: bool,
     pub emission: bool,
     pub lights: bool,
     pub sky: bool,
     pub camera: bool,
-    /// Whether directions that are drawn turn while surfaces stand still.
+    /// Whether sampled directions change while surfaces are static.
     pub turns: bool,
-    /// Whether jumps at edges that points of paths see are added, whether trees over edges have nodes, whether
-    /// emitters are in several groups, and room for drawing an edge.
+    /// Whether boundary terms at edges seen from path points are added, whether trees over edges have nodes, whether
+    /// emitters form several groups, and the size of the working memory for drawing an edge.
     pub jumps: bool,
     pub edge_nodes: bool,
     pub grouped: bool,

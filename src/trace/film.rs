@@ -1,4 +1,4 @@
-//! Jumps of the image that the camera sees, at an edge on the film.
+//! Boundary terms of primary rays: jumps of the image at an edge on the film.
 
 use crate::cube::*;
 
@@ -13,23 +13,24 @@ use crate::model::segment::OnSegment;
 use crate::model::{V2, V3, v2};
 use crate::sampling::Dimensions;
 
-/// A point of an edge, and how the camera sees it through a point of its lens.
+/// A point of an edge, as the camera sees it through a lens point.
 #[apply(record!)]
 pub(crate) struct FilmPoint {
     pub point: EdgePoint,
-    /// Where the ray starts that comes to it.
+    /// Origin of the ray to it.
     pub origin: V3,
     pub lens: V2,
-    /// Whether it is there, and before the camera.
+    /// Whether it exists and is in front of the camera.
     pub is_seen: bool,
-    /// A point of the pixel filter, in parts of its radius, and the film point in pixels of the ray that would come here.
+    /// A point of the pixel filter, relative to its radius, and the film point in pixels whose ray would reach the
+    /// edge's point.
     kernel: V2,
     pub film: V2,
     /// The image of the vector along the edge.
     along: V2,
 }
 
-/// The film point, in pixels, in the middle of a pixel.
+/// Returns the film point, in pixels, at the center of a pixel.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn middle_of(scene: &Scene, pixel: u32) -> V2 {
@@ -37,7 +38,7 @@ pub(crate) fn middle_of(scene: &Scene, pixel: u32) -> V2 {
     v2((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5)
 }
 
-/// A point of an edge, of which so many are drawn.
+/// Returns a sampled point of an edge, one of `count` samples.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn film_point(
@@ -68,7 +69,8 @@ pub(crate) fn film_point(
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl FilmPoint {
-    /// Chooses the film point of a sample, whose pixel's ray would come here, by the radius of the pixel filter.
+    /// Chooses the film point of a sample, from whose pixel a ray would reach the edge's point. `radius` is the
+    /// radius of the pixel filter.
     #[inline(always)]
     pub fn project(&mut self, scene: &Scene, c: &Camera, sample: u32, radius: f32) {
         let numbers = sampler(scene, OF_EDGES).stream(NO_PIXEL, sample);
@@ -78,7 +80,7 @@ impl FilmPoint {
         self.film = v2(at.x - radius * self.kernel.x, at.y - radius * self.kernel.y);
     }
 
-    /// The ray that comes to it.
+    /// Returns the ray to the edge's point.
     #[inline(always)]
     pub fn approach(&mut self, scene: &Scene, c: &Camera, time: f32) -> Approach {
         let p = self.point;
@@ -94,8 +96,8 @@ impl FilmPoint {
         }
     }
 
-    /// Adds the derivatives by the jump from one side to the other, of a loss that depends on what is seen.
-    /// Returns the square of that by the edge's point.
+    /// Adds the derivatives due to the jump from one side to the other of a loss that depends on what is seen.
+    /// Returns the squared length of the derivative with respect to the edge's point.
     #[inline(always)]
     pub fn backward(&self, scene: &Scene, sums: &Sums, c: &Camera, jump: f32, time: f32) -> f32 {
         let mut by_camera = CameraGradient::default();
@@ -105,7 +107,7 @@ impl FilmPoint {
         let at = self.point.position;
         let by_point = c.project_backward(at, lens.x, lens.y, by_film, &mut by_camera);
         if comptime!(sums.of.camera) {
-            // A wider filter moves its points away from the middle, past the edge.
+            // A wider filter moves its points away from the center, past the edge.
             by_camera.filter -= by_film.x * self.kernel.x + by_film.y * self.kernel.y;
             add_to_camera(sums, &by_camera);
         }

@@ -1,5 +1,5 @@
-//! Jumps of the light that arrives at a point of a path, at an edge that it sees: what is traced for them, and what they
-//! add to derivatives.
+//! Boundary terms of the light that arrives at a point of a path: the jump at an edge seen from there, the rays
+//! traced for it, and its derivatives.
 
 use crate::cube::*;
 
@@ -19,25 +19,25 @@ use crate::model::numbers::is_nonzero;
 use crate::model::{V3, select_vector, splat, v2};
 use crate::sampling::{EmitterHit, no_emitter_hit};
 
-/// A point of an edge as a point of a path looks at it.
+/// A point of an edge as seen from a point of a path.
 #[apply(record!)]
 pub(crate) struct EdgeView {
     pub point: EdgePoint,
-    /// The direction to it, and the axis that rays there are bent about.
+    /// The direction to it, and the axis about which rays are bent there.
     pub view: V3,
     pub axis: V3,
     around: Bend,
-    /// The normal on the side on which rays leave, and where they start.
+    /// The normal on the side on which rays leave, and the start of rays.
     outer: V3,
     pub start: V3,
-    /// The derivative of the loss by the light that arrives.
+    /// The derivative of the loss with respect to the arriving light.
     carried: V3,
-    /// Of what light it hides: emitters, or for a delta light rays that come to the edge straight and mirrored.
+    /// The occluded light: a range of emitters. For a delta light: rays that reach the edge directly, and mirrored.
     pub first: u32,
     pub past: u32,
 }
 
-/// A point of an edge as a point of a path looks at it, for a search.
+/// Returns the view of an edge's point for a search.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn edge_view(scene: &Scene, o: &Observer, s: &Search, p: EdgePoint) -> EdgeView {
@@ -78,7 +78,7 @@ pub(crate) fn edge_view(scene: &Scene, o: &Observer, s: &Search, p: EdgePoint) -
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl EdgeView {
-    /// The ray that comes to it, and the faces beside it.
+    /// Returns the ray to the edge's point, and the faces beside it.
     #[inline(always)]
     pub fn approach(&self, sides: Sides) -> Approach {
         Approach {
@@ -89,7 +89,7 @@ impl EdgeView {
         }
     }
 
-    /// The point of an emitter that the axis hits, behind the edge's point.
+    /// Returns the point of an emitter that the axis hits behind the edge's point.
     #[inline(always)]
     fn light_behind(&self, scene: &Scene, s: &Search, hit: &EmitterHit, past: V3) -> LightBehind {
         let k = hit.emitter;
@@ -110,8 +110,9 @@ impl EdgeView {
         found
     }
 
-    /// A delta light behind the edge's point that rays bent about the direction to it come to. Its direction is fixed, so
-    /// the integral over directions reduces to the cone's density at that direction about the edge's.
+    /// Returns a delta light behind the edge's point that is reached by rays bent about the direction to the point.
+    /// Its direction is fixed, so the integral over directions reduces to the density of the cone about the edge's
+    /// direction, evaluated at the light's direction.
     #[inline(always)]
     fn delta_behind(&self, scene: &Scene, s: &Search, bent: &Bend, past: V3) -> LightBehind {
         let to = self.point.to;
@@ -131,7 +132,8 @@ impl EdgeView {
         found
     }
 
-    /// Adds the derivatives by the edge's point and by the point that sees it. Returns the square of the former.
+    /// Adds the derivatives with respect to the edge's point and the point that sees it. Returns the squared length
+    /// of the derivative with respect to the edge's point.
     #[inline(always)]
     fn backward(
         &self,
@@ -159,7 +161,7 @@ impl EdgeView {
 /// A light that lies along an axis behind an edge's point.
 #[apply(zeroed!)]
 pub(crate) struct LightBehind {
-    /// The limit of a ray to it that passes the edge; less than 0 if there is none.
+    /// The limit of a ray to it past the edge; negative if there is no light.
     limit: f32,
     distance: f32,
     weights: V3,
@@ -167,19 +169,20 @@ pub(crate) struct LightBehind {
     triangle: u32,
 }
 
-/// A jump at an edge, and the ray that says what is behind it: from where the view starts along `sides.past`.
+/// A jump at an edge, and the ray that determines what is behind the edge: it starts at the view's start along
+/// `sides.past`.
 #[apply(record!)]
 pub(crate) struct Jump {
     motion: DirectionJump,
     pub sides: Sides,
-    /// How far the ray goes; not positive where there is no jump.
+    /// Length of the ray; not positive if there is no jump.
     pub limit: f32,
-    /// 1 where light passes on the − side, else −1.
+    /// 1 if light passes on the − side, otherwise −1.
     sign: f32,
     light: LightBehind,
 }
 
-/// The jump of the light of the k-th emitter, or of reflected light.
+/// Returns the jump of the light of the k-th emitter, or of reflected light.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn jump_at(scene: &Scene, o: &Observer, s: &Search, e: &EdgeView, k: u32) -> Jump {
@@ -202,7 +205,7 @@ pub(crate) fn jump_at(scene: &Scene, o: &Observer, s: &Search, e: &EdgeView, k: 
     }
     let motion = direction_jump(p.to, p.along, &bent, normal);
     let mut light = LightBehind::default();
-    // Where no light is looked for a ray has no end.
+    // For reflected light the ray has no end.
     light.limit = f32::MAX;
     let mut jump = Jump {
         motion,
@@ -226,7 +229,7 @@ pub(crate) fn jump_at(scene: &Scene, o: &Observer, s: &Search, e: &EdgeView, k: 
             }
         }
         jump.limit = jump.light.limit;
-        // Light passes on one side or on none; at the end of a path only the environment is seen.
+        // Light passes on one side or none; at the end of a path only the environment is visible.
         let dark = s.of_light || o.bounce >= scene.bounces;
         jump.limit = select(
             (dark && on_minus && on_plus) || (s.of_light && !on_minus && !on_plus),
@@ -237,8 +240,8 @@ pub(crate) fn jump_at(scene: &Scene, o: &Observer, s: &Search, e: &EdgeView, k: 
     jump
 }
 
-/// Adds the derivatives by the jump of an emitter's light that nothing else hides. Returns the square of that by the edge's
-/// point.
+/// Adds the derivatives due to the jump of an emitter's light, after the ray found no occluder. Returns the squared
+/// length of the derivative with respect to the edge's point.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn shadow_backward(
@@ -263,7 +266,7 @@ pub(crate) fn shadow_backward(
             add_to_light(scene, sums, s.first, &found, splat(0.0));
         }
     } else {
-        // The axis points to a point of the light, which stays where it is on it.
+        // The axis points to a point of the light, which is fixed on it.
         let by_to = by_axis.reject_from_normalized(e.axis) * (1.0 / light.distance);
         by.position -= by_to;
         if scene.is_wanted(scene.object_of(light.triangle)) {
@@ -273,8 +276,9 @@ pub(crate) fn shadow_backward(
     e.backward(scene, sums, o, jump, scale, time, by)
 }
 
-/// Adds the derivatives by the jump of light that is reflected, or comes from the environment: what is seen on the −
-/// side of the edge less what is on the + side. Returns the square of that by the edge's point.
+/// Adds the derivatives due to the jump of reflected light or of the environment's light. `light` is the quantities
+/// seen on the − side of the edge minus those on the + side. Returns the squared length of the derivative with
+/// respect to the edge's point.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn reflected_backward(
@@ -296,7 +300,7 @@ pub(crate) fn reflected_backward(
         shading.direction_backward(&drawn, jump.motion.edge.by_axis * scale, &mut by.shading);
     }
     if comptime!(scene.features.gathers_map) && light.opacity != 0.0 {
-        // Directions to a map stay where they are.
+        // Directions to a map are fixed.
         scale -= e.carried.dot(sky(scene, e.axis)) * light.opacity;
     }
     e.backward(scene, sums, o, jump, scale, time, by)

@@ -1,4 +1,4 @@
-//! The ray with which a path leaves a surface point, and the way back over it.
+//! The ray with which a path leaves a surface point, and its backward pass.
 
 use crate::cube::*;
 
@@ -14,17 +14,17 @@ use crate::model::{V3, splat};
 /// A ray with which a path leaves a surface point.
 #[apply(zeroed!)]
 pub(crate) struct Leaving {
-    /// Whether the path goes on.
+    /// Whether the path continues.
     pub goes_on: bool,
     pub start: V3,
     pub bend: Bend,
     pub throughput: V3,
-    /// The probability with which it goes on.
+    /// Survival probability of the path.
     pub survival: f32,
 }
 
-/// Leaves a surface point in a direction that was drawn, after some bounces; by a uniform number for the roulette and two
-/// for the kernel of the cone.
+/// Makes the ray that leaves a surface point in a sampled direction after `bounce` bounces. `u` is the uniform number
+/// for Russian roulette, `cone_u` and `cone_v` are those for the cone.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn leave(
@@ -53,7 +53,7 @@ pub(crate) fn leave(
     left
 }
 
-/// Leaves a surface point in the very direction that was drawn, for sure.
+/// Makes the ray that leaves a surface point in exactly the sampled direction, without Russian roulette or cone.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn leave_sharply(p: &Point, scatter: &Scatter, throughput: V3) -> Leaving {
@@ -71,8 +71,9 @@ pub(crate) fn leave_sharply(p: &Point, scatter: &Scatter, throughput: V3) -> Lea
     }
 }
 
-/// Back over a ray that left a surface point, and over light of the environment if it `escaped` there: from derivatives
-/// by the throughput behind the point and by the ray to those by the point; returns that by the throughput before it.
+/// Backward pass of a ray that left a surface point, and of the environment's light if the ray `escaped`. Turns
+/// derivatives with respect to the throughput after the point and to the ray into those with respect to the point.
+/// Returns the derivative with respect to the throughput before the point.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn leave_backward(

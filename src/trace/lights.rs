@@ -1,5 +1,4 @@
-//! Lights that surface points are connected to: emitters, delta lights and the map of the environment, and their
-//! derivatives.
+//! Connections of surface points to emitters, delta lights and the environment map, and their derivatives.
 
 use crate::cube::*;
 
@@ -14,7 +13,7 @@ use crate::model::emitter::LightPoint;
 use crate::model::{V2, V3, v2, v3};
 use crate::sampling::{Chosen, EmitterLists, EmitterTriangle, Fixed, LightTree, Receiver};
 
-/// The emitters.
+/// Returns the lists of emitters of a scene.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn emitters_of<'a>(scene: &Scene<'a>) -> EmitterLists<'a> {
@@ -43,19 +42,19 @@ pub(crate) fn emitters_of<'a>(scene: &Scene<'a>) -> EmitterLists<'a> {
     }
 }
 
-/// A group of emitters that was chosen, the first and the one past the last of them, and its probability.
+/// A chosen group of emitters: its index, its first emitter and the one past its last, and its probability.
 #[apply(zeroed!)]
 pub(crate) struct GroupChoice {
     pub group: u32,
     pub first: u32,
     pub past: u32,
     pub chance: f32,
-    /// Whether any of them moves.
+    /// Whether any of its emitters moves.
     pub moves: bool,
 }
 
-/// Chooses a group for a random number; `grouped` says whether there are several. `room` is that of a choice of an
-/// emitter.
+/// Chooses a group of emitters for a random number. `grouped` is true if there are several groups. `room` is working
+/// memory for the choice of an emitter.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn choose_group(
@@ -84,14 +83,15 @@ pub(crate) fn choose_group(
     choice
 }
 
-/// The weights of all corners, from those of b and c.
+/// Returns the barycentric weights of all corners from the weights of b and c.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn of_corners(weights: V2) -> V3 {
     v3(1.0 - weights.x - weights.y, weights.x, weights.y)
 }
 
-/// The point of an emitter with these weights of its corners b and c, or a delta light; without its radiance.
+/// Returns the target for emitter `k`: its point with these barycentric weights of corners b and c, or a delta light.
+/// The radiance is not set.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn target_of(
@@ -119,7 +119,7 @@ pub(crate) fn target_of(
     target
 }
 
-/// The point of a triangle that emits, without holes.
+/// Returns the target for a point of an emissive triangle, ignoring holes.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn target_on(on: &EmitterTriangle, weights: V2, x: V3) -> Target {
@@ -129,7 +129,7 @@ pub(crate) fn target_on(on: &EmitterTriangle, weights: V2, x: V3) -> Target {
     Target::of_emitter(&seen, place, on.normal, on.area)
 }
 
-/// What a triangle emits at a cosine to its normal, at the point with these weights of its corners.
+/// Returns the radiance that a triangle emits at a cosine to its normal, at the point with these barycentric weights.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn emission_at(scene: &Scene, triangle: u32, weights: V3, cosine: f32) -> V3 {
@@ -140,7 +140,7 @@ pub(crate) fn emission_at(scene: &Scene, triangle: u32, weights: V3, cosine: f32
     scene.emission_of(scene.material_of(triangle), uv, cosine)
 }
 
-/// The radiance of that point at a cosine to the emitter's normal, or what a delta light brings.
+/// Returns the radiance of a point of emitter `k` at a cosine to its normal, or the strength of a delta light.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn radiance_of(scene: &Scene, k: u32, weights: V2, cosine: f32) -> V3 {
@@ -157,8 +157,8 @@ pub(crate) fn radiance_of(scene: &Scene, k: u32, weights: V2, cosine: f32) -> V3
     radiance
 }
 
-/// Back over light from a point of an emitter, which stays where it is on it, or from a delta light; returns the
-/// derivative by the throughput.
+/// Backward pass of light from a fixed point of an emitter, or from a delta light; returns the derivative with
+/// respect to the throughput.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn light_backward(
@@ -212,7 +212,8 @@ pub(crate) fn light_backward(
     found.throughput
 }
 
-/// Back over light of a map along a direction, which is fixed; returns the derivative by the throughput.
+/// Backward pass of light of an environment map along a fixed direction; returns the derivative with respect to the
+/// throughput.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn map_backward(

@@ -1,12 +1,13 @@
-//! The stages of a path: small functions over the lists of a scene, one source for the host and for kernels of GPUs.
+//! The stages of a path: small functions over the lists of a scene, with one source for the host and for GPU kernels.
 //!
-//! `scene` holds the lists, `features` what is in them. `corners`, `texture` and `surface` make the point that a ray hits,
-//! `lights` connects it to lights, `leaving` sends the path on, by random `numbers`. `edge_search`, `edge_points`,
-//! `edge_sides`, `jumps` and `film` are of the jumps at edges. Beside each stage is its way back, whose derivatives go to
-//! `sums`, by `parts`; in kernels these are `totals`. What calls the stages, traces rays and keeps records is in `kernel`
-//! and `gpu`.
+//! `scene` defines the lists, and `features` what they contain. `corners`, `texture` and `surface` build the surface
+//! point that a ray hits, `lights` connects it to lights, and `leaving` continues the path, with random `numbers`.
+//! `edge_search`, `edge_points`, `edge_sides`, `jumps` and `film` compute boundary terms at edges.
+//!
+//! Each stage stands next to its backward pass, which adds derivatives to `sums`, by `parts`; in kernels these are
+//! `totals`. The callers in `kernel` and `gpu` run the stages, trace rays and keep records.
 
-#![allow(unused_assignments)] // Variables of a kernel need a first value.
+#![allow(unused_assignments)] // Kernel variables need an initial value.
 #![allow(clippy::too_many_arguments)] // Kernels have no globals.
 #![allow(
     clippy::assign_op_pattern,

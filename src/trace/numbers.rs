@@ -1,4 +1,4 @@
-//! The random numbers of paths, by purpose, and where and when a camera ray starts.
+//! Random numbers of paths by purpose, and the lens point and shutter time of a camera ray.
 
 use crate::cube::*;
 
@@ -8,8 +8,8 @@ use crate::model::integers::wide;
 use crate::model::{V2, v2};
 use crate::sampling::{Dimensions, Sampler, Stream};
 
-/// Purposes of random numbers, each with a seed: paths, cones, edges, paths on both sides of these, and samples of edges
-/// on the film.
+/// Purposes of random numbers, each with its own seed: paths, cones, edges, paths on both sides of edges, and edge
+/// samples on the film.
 pub(crate) const OF_PATHS: usize = 0;
 pub(crate) const OF_CONES: usize = 1;
 pub(crate) const OF_EDGES: usize = 2;
@@ -17,10 +17,10 @@ pub(crate) const OF_SIDES: usize = 3;
 pub(crate) const ON_FILM: usize = 4;
 pub(crate) const PURPOSES: usize = 5;
 
-/// The pixel of random numbers that are of no pixel.
+/// Pixel index of random numbers that belong to no pixel.
 pub(crate) const NO_PIXEL: u32 = u32::MAX;
 
-/// The source of random numbers for a purpose.
+/// Returns the source of random numbers for a purpose.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn sampler(scene: &Scene, purpose: usize) -> Sampler {
@@ -33,14 +33,14 @@ pub(crate) fn sampler(scene: &Scene, purpose: usize) -> Sampler {
     }
 }
 
-/// A point of the lens, on the unit disk, and a time in the shutter.
+/// A lens point on the unit disk, and a shutter time.
 #[apply(record!)]
 pub(crate) struct Exposure {
     pub lens: V2,
     pub time: f32,
 }
 
-/// Those of a path.
+/// Returns the lens point and the shutter time of a path.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn exposure(scene: &Scene, numbers: &Stream) -> Exposure {

@@ -1,26 +1,26 @@
-//! The parts of the sums of derivatives.
+//! The sections ("parts") of the list of derivative sums.
 
-/// Parts of the sums of a scene and its camera.
+/// Parts for a scene and its camera.
 pub(crate) const VERTICES: u32 = 0;
-/// By the normals of triangles and by their areas, which go to the vertices at the end.
+/// With respect to triangle normals and areas; they are passed on to the vertices at the end.
 pub(crate) const TRIANGLES: u32 = 1;
 pub(crate) const AREAS: u32 = 2;
-/// One vector for each object.
+/// One vector per object.
 pub(crate) const VELOCITIES: u32 = 3;
 pub(crate) const UVS: u32 = 4;
 pub(crate) const NORMALS: u32 = 5;
-/// As many vectors as a material has channels.
+/// One vector per channel of each material.
 pub(crate) const MATERIALS: u32 = 6;
 pub(crate) const TEXELS: u32 = 7;
 pub(crate) const SKY: u32 = 8;
 pub(crate) const COLOURS: u32 = 9;
 pub(crate) const TANGENTS: u32 = 10;
-/// [`OF_LIGHT`] numbers of each delta light, and [`OF_CAMERA`] of the camera.
+/// [`OF_LIGHT`] numbers per delta light, and [`OF_CAMERA`] for the camera.
 pub(crate) const LIGHTS: u32 = 11;
 pub(crate) const CAMERAS: u32 = 12;
 pub(crate) const PARTS: usize = 13;
 
 /// Position, axis, strength and both cosines of a delta light.
 pub(crate) const OF_LIGHT: u32 = 11;
-/// The numbers of a camera's derivatives, in the order of their fields.
+/// Number of derivatives of a camera, in the order of the fields of its gradient.
 pub(crate) const OF_CAMERA: u32 = 20;

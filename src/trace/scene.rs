@@ -1,4 +1,4 @@
-//! A scene as a camera sees it, as flat lists: on the host borrowed from where they are, on a GPU parts of two buffers.
+//! A scene and its view as flat lists: borrowed on the host, parts of two buffers on a GPU.
 
 #![cfg_attr(
     not(feature = "wgpu"),
@@ -13,14 +13,15 @@ use crate::scene::Channel;
 
 use super::Features;
 
-/// Makes the struct of all lists and numbers, and their places in the header that a view has in a buffer of words.
+/// Defines the struct of all lists and numbers, and their positions in the header that a view has in a buffer of
+/// words.
 macro_rules! lists {
     (
         floats { $($(#[$of_float:meta])* $float:ident,)* }
         words { $($(#[$of_word:meta])* $word:ident,)* }
         numbers { $($(#[$of_number:meta])* $number:ident,)* }
     ) => {
-        /// The lists of a scene and of its view, numbers beside them, and what kernels are compiled for.
+        /// The lists and numbers of a scene and its view, and the features that kernels are compiled for.
         #[cfg_attr(feature = "wgpu", derive(CubeType))]
         #[derive(Clone, Copy, Default)]
         pub(crate) struct Scene<'a> {
@@ -31,7 +32,7 @@ macro_rules! lists {
             pub features: Features,
         }
 
-        /// The places of a header: where lists begin in their buffers, then numbers.
+        /// Positions in a header: where lists begin in their buffers, then numbers.
         #[cfg(feature = "wgpu")]
         #[allow(non_camel_case_types)]
         #[derive(Clone, Copy)]
@@ -39,7 +40,7 @@ macro_rules! lists {
 
         #[cfg(feature = "wgpu")]
         impl HeaderWord {
-            /// Whether lists that the device makes depend on this one.
+            /// Returns whether lists that the device computes depend on this list.
             pub fn shapes(self) -> bool {
                 use HeaderWord as W;
                 matches!(
@@ -69,7 +70,7 @@ macro_rules! lists {
         #[cfg(feature = "wgpu")]
         #[cube]
         impl<'a> Scene<'a> {
-            /// That of a view, whose header is in the second of two buffers.
+            /// Returns the scene of a view, whose header is in the second of two buffers.
             pub fn of_view(
                 floats: &'a [f32],
                 words: &'a [u32],
@@ -92,115 +93,118 @@ lists! {
     floats {
         /// Each triangle ([`Triangle`]).
         surfaces,
-        /// The displacement of each object over the shutter, if any moves.
+        /// Displacement of each object over the shutter, if any object moves.
         velocities,
-        /// Values at corners: texture coordinates, normals, colours, and tangents with the sides of their bitangents.
+        /// Values at corners: texture coordinates, normals, colors, and tangents with the signs of their bitangents.
         uvs,
         normals,
         colours,
         tangents,
-        /// The constants of each material, three numbers a channel.
+        /// Constants of each material, three numbers per channel.
         materials,
         texels,
-        /// [`OF_MASKED`](crate::scene::OF_MASKED) of each triangle with a mask: the texture coordinates of its corners, and the alpha under which it
-        /// has a hole. What masks hold.
+        /// [`OF_MASKED`](crate::scene::OF_MASKED) numbers per triangle with a mask: the texture coordinates of its
+        /// corners, and the alpha below which it has a hole. Then the texels of the masks.
         masked_uvs,
         alphas,
-        /// Of each delta light its position, axis, strength, and the cosines of a spot.
+        /// Position, axis, strength and spot cosines of each delta light.
         lights,
-        /// Corners, normal, area and velocity of each triangle that emits, and what emitters bring is multiplied
-        /// by.
+        /// Corners, normal, area and velocity of each emissive triangle, and the factors of the emitters' light.
         emitter_triangles,
         brightness,
-        /// Fixed probabilities of emitters, and sums of these.
+        /// Fixed probabilities of emitters, and their cumulative sums.
         fixed,
         fixed_sums,
-        /// Of a tree over emitters ([`LightTree`](crate::sampling::LightTree)).
+        /// Floats of the tree over emitters ([`LightTree`](crate::sampling::LightTree)).
         light_branches,
         distant_sums,
         distant_axes,
-        /// The radiance of a constant environment, or texels of a map, and what directions to it are drawn by.
+        /// Radiance of a constant environment or texels of a map, and the list that directions to the map are sampled
+        /// by.
         sky,
         sky_density,
-        /// [`GROUP`] of each group of emitters: centre, radius and velocity.
+        /// [`GROUP`] numbers per group of emitters: center, radius and velocity.
         groups,
-        /// Of each edge an end, and the vector to the other.
+        /// One end of each edge, and the vector to the other end.
         edges,
-        /// For GPUs, which make `surfaces`, `hits`, `edges` and `edge_leaves`: each vertex as the sum of two numbers an axis,
-        /// edges that are crossings, and by how much colours may jump at each edge where both faces are seen.
+        /// For GPUs, which compute `surfaces`, `hits`, `edges` and `edge_leaves`: each vertex as the sum of two
+        /// floats per axis, edges that are crossings, and the possible jump of color at each edge where both faces
+        /// are seen.
         vertices,
         crossings,
         creases,
-        /// Of the trees over all edges and over those that move, one behind the other.
+        /// The trees over all edges and over moving edges, one behind the other.
         edge_nodes,
         edge_leaves,
-        /// Both boxes of nodes of the tree that GPUs traverse, and triangles as rays meet them.
+        /// Both bounding boxes of each BVH node that GPUs traverse, and triangles in the form for ray intersection.
         boxes,
         hits,
-        /// The pixel filter's table, and the camera, and what else a view has.
+        /// Table of the pixel filter; the camera and the other settings of a view.
         filter,
         settings,
     }
     words {
-        /// [`TRIANGLE`] of each triangle: its material and object, the rows of its corners' texture coordinates and
-        /// normals, or [`NONE`].
+        /// [`TRIANGLE`] words per triangle: its material and object, and the rows of its corners' texture coordinates
+        /// and normals, or [`NONE`].
         triangles,
-        /// The vertices of each triangle.
+        /// Vertices of each triangle.
         vertex_rows,
-        /// The rows of the colours and tangents at the corners of each triangle, or [`NONE`]; empty where there are none.
+        /// Rows of the colors and tangents at the corners of each triangle, or [`NONE`]; empty if there are none.
         colour_rows,
         tangent_rows,
-        /// [`MATERIAL`] of each material: bits, the textures of its channels, and that of its normal map.
+        /// [`MATERIAL`] words per material: bits, the textures of its channels, and its normal map.
         of_materials,
-        /// The place of each triangle among those with a mask, or [`NONE`], and the image of each of these.
+        /// Index of each triangle among those with a mask, or [`NONE`], and the image of each of these.
         masked,
         masks,
-        /// The triangle of each emitter; delta lights follow them. Their bits.
+        /// The triangle of each emitter, followed by the delta lights; then their bits.
         emitters,
         light_bits,
-        /// Of the tree over emitters.
+        /// Words of the tree over emitters.
         light_nodes,
         light_places,
         distant,
-        /// [`OF_GROUP`] of each group: its first member, how many, and whether any moves. The group of each emitter.
+        /// [`OF_GROUP`] words per group: its first member, the number of members, and whether any moves. Then the
+        /// group of each emitter.
         of_groups,
         group_of_emitters,
-        /// Its faces and rows of each edge, its object, and whether it is a crossing.
+        /// Faces and rows of each edge, its object, and whether it is a crossing.
         of_edges,
         edge_children,
         edges_of_leaves,
-        /// For GPUs the kind of each edge, and whether its object is closed ([`CLOSED`]).
+        /// For GPUs: the kind of each edge, and whether its object is closed ([`CLOSED`]).
         edge_kinds,
-        /// Of both trees: where their nodes, children, leaves and edges begin, the child that a draw starts at, and how
-        /// many it starts at.
+        /// For both trees: where their nodes, children, leaves and edges begin, the child that a draw starts at, and
+        /// the number of children it starts at.
         edge_trees,
-        /// Children of nodes that GPUs traverse, first and number of the triangles of leaves, and their numbers.
+        /// Children of BVH nodes that GPUs traverse, first triangle and triangle count of leaves, and the triangles'
+        /// numbers.
         children,
         leaves,
         hit_numbers,
-        /// The number of each object among those that are counted.
+        /// The number of each object among the counted ones.
         counted,
-        /// Whether derivatives by each object and each delta light are asked for.
+        /// Whether derivatives with respect to each object and each delta light are requested.
         wanted_objects,
         wanted_lights,
-        /// Where the corners of each vertex begin, and one more; the corners, each as 3·triangle + corner.
+        /// Start of each vertex's corners, and one more; the corners, each as 3·triangle + corner.
         vertex_starts,
         vertex_corners,
-        /// The first sum of each part.
+        /// First sum of each part.
         first_sums,
-        /// The points of the sequence of random numbers, and seeds.
+        /// Points of the sequence of random numbers, and seeds.
         points,
         seeds,
     }
     numbers {
         emitter_count,
-        /// The number of triangles among them.
+        /// Number of triangles among the emitters.
         emissive_count,
         light_node_count,
         distant_count,
         sky_width,
         sky_height,
-        /// The first node or leaf, and the number of triangles that are met without boxes.
+        /// The root node or leaf, and the number of triangles that are intersected without a BVH.
         root,
         hit_count,
         width,
@@ -212,30 +216,30 @@ lists! {
     }
 }
 
-/// Words of a header.
+/// Number of words of a header.
 #[cfg(feature = "wgpu")]
 pub(crate) const HEADER: usize = HeaderWord::End as usize;
 #[cfg(feature = "wgpu")]
 pub(crate) const BOUNCES: usize = HeaderWord::bounces as usize;
 
-/// The places of a triangle's rows among its words.
+/// Offsets of the rows among a triangle's words.
 pub(crate) const UV_ROWS: u32 = 2;
 pub(crate) const NORMAL_ROWS: u32 = 5;
 pub(crate) const TRIANGLE: u32 = 8;
-/// Channels of a material, and the place of emission among them.
+/// Number of channels of a material, and the index of emission among them.
 pub(crate) const CHANNELS: u32 = crate::scene::CHANNELS as u32;
 pub(crate) const EMISSION: u32 = Channel::Emission.place() as u32;
-/// The place of a material's normal map among its words.
+/// Offset of the normal map among a material's words.
 pub(crate) const NORMAL_MAP: u32 = 1 + 4 * CHANNELS;
 pub(crate) const MATERIAL: u32 = NORMAL_MAP + 4;
 pub(crate) const GROUP: u32 = 7;
 pub(crate) const OF_GROUP: u32 = 3;
-/// The bit of an edge's kind ([`FOLD`](crate::model::edge_weight::FOLD) and so on) that says that its object is closed.
+/// Bit of an edge's kind ([`FOLD`](crate::model::edge_weight::FOLD) and so on) that is set if its object is closed.
 pub(crate) const CLOSED: u32 = 4;
 /// No row, or no triangle.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// Bits of a material, and what the number of its BSDF, which is under 8, is multiplied by.
+/// Bits of a material, and the factor of the number of its BSDF, which is below 8.
 pub(crate) const EMITS: u32 = 1;
 pub(crate) const REFLECTS: u32 = 2;
 pub(crate) const GLOSSY: u32 = 4;
@@ -243,7 +247,7 @@ pub(crate) const COMPENSATED: u32 = 8;
 pub(crate) const MODEL: u32 = 16;
 pub(crate) const GLOWS: u32 = 8 * MODEL;
 
-/// A view's settings: the camera, the tangent of the half-angle of cones, and scene units in a unit of the lists.
+/// Settings of a view: the camera, the tangent of the half-angle of cones, and scene units per unit of the lists.
 pub(crate) const CONE: usize = camera::NUMBERS;
 pub(crate) const UNIT: usize = CONE + 1;
 
@@ -254,7 +258,7 @@ impl<'a> Scene<'a> {
         triangle_at(self.surfaces, k)
     }
 
-    /// The plane of a triangle.
+    /// Returns the plane of a triangle.
     #[inline(always)]
     pub fn plane(&self, k: u32) -> Plane {
         plane_at(self.surfaces, k)
@@ -270,13 +274,13 @@ impl<'a> Scene<'a> {
         self.triangles[(TRIANGLE * triangle) as usize + 1]
     }
 
-    /// The bits of a material.
+    /// Returns the bits of a material.
     #[inline(always)]
     pub fn bits_of(&self, material: u32) -> u32 {
         self.of_materials[(MATERIAL * material) as usize]
     }
 
-    /// The vector by which a triangle has moved at a time in the shutter.
+    /// Returns the displacement of a triangle at a shutter time.
     #[inline(always)]
     pub fn shift(&self, triangle: u32, time: f32) -> V3 {
         let mut shift = splat(0.0);
@@ -286,7 +290,7 @@ impl<'a> Scene<'a> {
         shift
     }
 
-    /// Whether derivatives by an object are asked for.
+    /// Returns whether derivatives with respect to an object are requested.
     #[inline(always)]
     pub fn is_wanted(&self, object: u32) -> bool {
         self.wanted_objects[object as usize] != 0

@@ -1,4 +1,4 @@
-//! What a camera ray sees.
+//! The visible quantities of a primary ray.
 
 use crate::cube::*;
 
@@ -7,22 +7,23 @@ use super::sums::Sums;
 use super::surface::{Point, PointGradient};
 use crate::model::{V3, splat};
 
-/// The surface that a camera ray sees, and the light that its path brings back; or the derivatives of a loss by these.
+/// The surface that a primary ray sees and the light that its path returns, or the derivatives of a loss with respect
+/// to these.
 #[apply(zeroed!)]
 #[derive(PartialEq)]
 pub(crate) struct Seen {
     pub radiance: V3,
     /// 1 where there is a surface.
     pub opacity: f32,
-    /// The distance to it.
+    /// Distance to the surface.
     pub depth: f32,
-    /// Its geometric normal on the side that is seen.
+    /// Geometric normal on the visible side.
     pub normal: V3,
 }
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Seen {
-    /// The sum of the sizes of all numbers.
+    /// Returns the sum of the absolute values of all numbers.
     #[inline(always)]
     pub fn size(&self) -> f32 {
         self.radiance.abs().element_sum()
@@ -31,7 +32,7 @@ impl Seen {
             + self.normal.abs().element_sum()
     }
 
-    /// Adds another, times a factor.
+    /// Adds `other` times a factor.
     #[inline(always)]
     pub fn add(&mut self, other: &Seen, factor: f32) {
         self.radiance += other.radiance * factor;
@@ -40,8 +41,8 @@ impl Seen {
         self.normal += other.normal * factor;
     }
 
-    /// Of derivatives: how much the loss changes from one side of an edge to the other, by what is seen on the − side
-    /// less what is on the + side.
+    /// Returns the jump of the loss across an edge, for derivatives `self`. `light` is the quantities seen on the −
+    /// side minus those on the + side.
     #[inline(always)]
     pub fn jump(&self, light: &Seen) -> f32 {
         self.radiance.dot(light.radiance)
@@ -59,7 +60,7 @@ impl Seen {
     }
 }
 
-/// The light that a surface point emits towards the point that sees it.
+/// Returns the radiance that a surface point emits toward the point that sees it.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn emitted(scene: &Scene, p: &Point) -> V3 {
@@ -71,8 +72,9 @@ pub(crate) fn emitted(scene: &Scene, p: &Point) -> V3 {
     emission
 }
 
-/// Back over what the camera sees of a surface point, times the derivatives of a loss by that: light that it emits, where
-/// its place counts if that is a texture, its normal, and its distance, by which it returns the derivative.
+/// Backward pass of the quantities that the camera sees of a surface point, for the upstream gradient: its emission,
+/// with respect to the position too if it is textured, its normal, and its distance. Returns the derivative with
+/// respect to the distance.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn seen_backward(

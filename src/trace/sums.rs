@@ -1,4 +1,4 @@
-//! Sums of derivatives: on the host in f64, on a GPU those of [`Totals`](super::Totals).
+//! Accumulation of derivatives: in f64 on the host, in [`Totals`](super::Totals) on a GPU.
 
 use std::cell::Cell;
 
@@ -12,16 +12,16 @@ use crate::model::V3;
 use crate::model::camera::CameraGradient;
 use crate::model::delta_light::DeltaGradient;
 
-/// The sums that derivatives are added to, and which are asked for.
+/// The sums that derivatives are added to, and which derivatives are requested.
 #[derive(Clone, Copy)]
 pub(crate) struct Sums<'a> {
     numbers: &'a [Cell<f64>],
-    /// The first of each part.
+    /// Index of the first sum of each part.
     first: &'a [u32],
     pub of: Derivatives,
 }
 
-/// In kernels the type stands for [`Totals`], which has the same methods and field; [`sums_of`] makes one of the other.
+/// In kernels this type stands for [`Totals`], which has the same methods and field; [`sums_of`] converts.
 #[cfg(feature = "wgpu")]
 impl<'a> CubeType for Sums<'a> {
     type ExpandType = TotalsExpand<'a>;
@@ -43,7 +43,7 @@ impl<'a> Sums<'a> {
         to.set(to.get() + f64::from(value));
     }
 
-    /// Adds three derivatives.
+    /// Adds a vector of three derivatives.
     #[inline(always)]
     pub fn add_vector(&self, at: u32, value: V3, part: u32) {
         let first = (self.first[part as usize] + at) as usize;
@@ -54,7 +54,7 @@ impl<'a> Sums<'a> {
     }
 }
 
-/// The sums of a kernel, as stages add to them.
+/// Converts the sums of a kernel to the type that stages add to.
 #[cfg(feature = "wgpu")]
 #[cube]
 #[allow(unused_variables)]
@@ -62,7 +62,8 @@ pub(crate) fn sums_of<'a>(totals: Totals<'a>) -> Sums<'a> {
     intrinsic!(|_| totals)
 }
 
-/// Adds the derivatives by the delta light that an emitter is, if they are asked for; g is that by its strength.
+/// Adds the derivatives with respect to delta light `k` if they are requested; `g` is the one with respect to its
+/// strength.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn add_to_light(scene: &Scene, sums: &Sums, k: u32, by: &DeltaGradient, g: V3) {
@@ -77,7 +78,7 @@ pub(crate) fn add_to_light(scene: &Scene, sums: &Sums, k: u32, by: &DeltaGradien
     }
 }
 
-/// Adds the derivatives by the camera of some paths.
+/// Adds the derivatives with respect to the camera.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn add_to_camera(sums: &Sums, by: &CameraGradient) {

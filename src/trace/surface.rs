@@ -1,4 +1,4 @@
-//! Points of surfaces that rays hit: position, normals, and what their material is there.
+//! Surface points that rays hit: position, normals and material.
 
 use crate::cube::*;
 
@@ -12,7 +12,7 @@ use crate::model::triangle::{Plane, hit_backward};
 use crate::model::{Pair, V2, V3, splat, v2, v3};
 use crate::sampling::Receiver;
 
-/// A point that a ray hit.
+/// A surface point that a ray hit.
 #[apply(zeroed!)]
 pub(crate) struct Point {
     pub triangle: u32,
@@ -20,11 +20,11 @@ pub(crate) struct Point {
     pub object: u32,
     /// Distance along the ray.
     pub distance: f32,
-    /// Its position at the ray's time.
+    /// Position at the ray's time.
     pub position: V3,
-    /// Weights of the triangle's corners in it.
+    /// Barycentric weights of the point.
     pub weights: V3,
-    /// 1 if the ray came from the triangle's front, else −1.
+    /// 1 if the ray came from the triangle's front, otherwise −1.
     pub side: f32,
     pub uv: V2,
     pub shading: Shading,
@@ -32,39 +32,39 @@ pub(crate) struct Point {
     pub reflects: bool,
 }
 
-/// Derivatives by a surface point, but for those that its incoming ray takes part in.
+/// Derivatives with respect to a surface point, except those that involve its incoming ray.
 #[apply(zeroed!)]
 pub(crate) struct PointGradient {
     pub position: V3,
     pub geometric: V3,
     pub shading: ShadingGradient,
-    /// By the radiance that it emits, where that is a texture.
+    /// With respect to the emitted radiance, if that is textured.
     pub emission: V3,
 }
 
-/// Derivatives by a ray.
+/// Derivatives with respect to a ray.
 #[apply(zeroed!)]
 pub(crate) struct RayGradient {
     pub origin: V3,
     pub direction: V3,
 }
 
-/// A point of a triangle's plane and the side that is seen.
+/// A point of a triangle's plane, and the side that is seen.
 #[apply(zeroed!)]
 pub(crate) struct OnPlane {
     position: V3,
-    /// Where it was at the start of the shutter.
+    /// Its position at shutter open.
     pub at_rest: V3,
     side: f32,
     geometric: V3,
 }
 
-/// The point of a plane that has moved by a shift, about there, seen along a direction.
+/// Returns the point near `near` of a plane that has moved by a shift, seen along a direction.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn on_plane(plane: &Plane, shift: V3, near: V3, direction: V3) -> OnPlane {
     let mut at_rest = near - shift;
-    // Back onto the plane: how far off it is was rounded by the ray's length.
+    // Projected onto the plane: the distance from it is a rounding error that grows with the ray's length.
     at_rest -= plane.normal * plane.above(at_rest);
     let side = select(plane.normal.dot(direction) < 0.0, 1.0f32, -1.0f32);
     OnPlane {
@@ -75,13 +75,13 @@ pub(crate) fn on_plane(plane: &Plane, shift: V3, near: V3, direction: V3) -> OnP
     }
 }
 
-/// A triangle that a ray hit, from a distance along a direction, and its material.
+/// A triangle that a ray hit at a distance along a direction, and its material.
 #[apply(zeroed!)]
 pub(crate) struct HitTriangle {
     pub triangle: u32,
     pub material: u32,
     pub object: u32,
-    /// The bits of the material, and its first colour where it is a constant.
+    /// Bits of the material, and its first color if that is a constant.
     pub bits: u32,
     pub diffuse: V3,
     pub distance: f32,
@@ -90,7 +90,7 @@ pub(crate) struct HitTriangle {
     pub models: Models,
 }
 
-/// A point whose normal is that of its triangle, and whose material is matt and the same everywhere; without its weights.
+/// Returns a point with its triangle's normal and a constant diffuse material, without barycentric weights.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn plain_point(on: &OnPlane, hit: &HitTriangle) -> Point {
@@ -127,7 +127,7 @@ pub(crate) fn plain_point(on: &OnPlane, hit: &HitTriangle) -> Point {
     }
 }
 
-/// A triangle that a ray hits, and its material.
+/// Returns a triangle that a ray hits, and its material.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn hit_triangle(
@@ -149,7 +149,7 @@ pub(crate) fn hit_triangle(
     }
 }
 
-/// The point of a triangle, about there, seen along a direction from a distance at a time in the shutter.
+/// Returns the point near `near` of a triangle, seen along a direction from a distance at a shutter time.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn point_at(
@@ -203,8 +203,8 @@ pub(crate) fn point_at(
     p
 }
 
-/// Adds the derivatives by the scene's parts of a point that has derivatives by its position, geometric normal,
-/// distance and shading; returns those by the ray that hit it.
+/// Backward pass of a surface point. Turns derivatives with respect to its position, geometric normal, distance and
+/// shading into those with respect to the scene, which are added, and to the ray that hit it, which are returned.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn point_backward(
@@ -259,7 +259,7 @@ pub(crate) fn point_backward(
         let by_corners = corners_backward(scene, sums, p, by_uv, by_colour, shade.normal);
         let by_normal = by_corners.geometric + shade.geometric + by.geometric;
         let direction = p.shading.incoming;
-        // Barycentric coordinates see the point from the corners, which are where the triangle is.
+        // Barycentric weights depend on the point relative to the corners, which move with the triangle.
         let by_point = by.position + by_corners.position + direction * by_distance;
         let with_plane = hit_backward(p.shading.geometric, direction, by_point);
         if comptime!(sums.of.objects) && scene.is_wanted(p.object) {
@@ -274,7 +274,7 @@ pub(crate) fn point_backward(
     by_ray
 }
 
-/// A point as emitters are chosen for it.
+/// Returns a point as the receiver for which emitters are chosen.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn receiver_of(point: &Point, time: f32) -> Receiver {
@@ -285,9 +285,10 @@ pub(crate) fn receiver_of(point: &Point, time: f32) -> Receiver {
     }
 }
 
-/// Adds the derivatives by a surface point's texture coordinates, colour and shading normal to those of the values
-/// at its triangle's corners and of its normal map. Returns those by its position, which each corner takes less by its
-/// weight, and by its geometric normal.
+/// Backward pass of the interpolation at a surface point. Turns derivatives with respect to its texture coordinates,
+/// color and shading normal into those with respect to the values at the triangle's corners and the normal map, which
+/// are added. Returns the derivatives with respect to its position, of which each corner receives the negative times
+/// its weight, and to its geometric normal.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn corners_backward(
@@ -298,7 +299,7 @@ fn corners_backward(
     by_colour: V3,
     by_normal: V3,
 ) -> PointGradient {
-    // By the weights of the second and third corner.
+    // With respect to the weights of the second and third corner.
     let mut by_b = 0.0f32;
     let mut by_c = 0.0f32;
     let mut by_uv = by_uv;

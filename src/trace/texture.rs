@@ -1,4 +1,4 @@
-//! What is looked up in images, and its derivatives: colours of materials, holes of masks, the environment.
+//! Image lookups and their derivatives: material colors, holes of alpha masks, the environment.
 
 use crate::cube::*;
 
@@ -14,7 +14,7 @@ use crate::model::{V2, V3, splat, v2};
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl<'a> Scene<'a> {
-    /// The colour of a texture, by the place of its words among those of materials.
+    /// Returns the color of the texture whose words start at index `texture` among those of materials.
     #[inline(never)]
     pub fn look_up(&self, texture: u32, uv: V2) -> V3 {
         let cell = texture_at(self.of_materials, texture).cell_at(uv);
@@ -26,7 +26,7 @@ impl<'a> Scene<'a> {
         vector(self.materials, 3 * (CHANNELS * material + channel))
     }
 
-    /// A channel of a material: a constant, or looked up in its texture.
+    /// Returns a channel of a material: a constant, or a texture lookup.
     #[inline(always)]
     pub fn colour(&self, material: u32, channel: u32, uv: V2) -> V3 {
         let mut found = self.constant_of(material, channel);
@@ -37,8 +37,8 @@ impl<'a> Scene<'a> {
         found
     }
 
-    /// What a material emits, where its texture has these coordinates, at a cosine to the normal of its front: from
-    /// behind nothing.
+    /// Returns the radiance that a material emits at texture coordinates and at a cosine to its front normal; 0 from
+    /// behind.
     #[inline(always)]
     pub fn emission_of(&self, material: u32, uv: V2, cosine: f32) -> V3 {
         let mut found = splat(0.0);
@@ -51,7 +51,7 @@ impl<'a> Scene<'a> {
         found
     }
 
-    /// Whether what the front of a material emits is not the same everywhere and in all directions.
+    /// Returns whether the emission of a material's front varies with position or direction.
     #[inline(always)]
     pub fn glows(&self, material: u32) -> bool {
         let mut found = false;
@@ -61,8 +61,8 @@ impl<'a> Scene<'a> {
         found
     }
 
-    /// Adds the derivatives of g·colour by the texels of a texture, if these are wanted; returns that by the texture
-    /// coordinates.
+    /// Adds the derivatives of g·color with respect to the texels of a texture, if `wanted`, and returns the one with
+    /// respect to the texture coordinates.
     #[inline(never)]
     pub fn texture_backward(&self, sums: &Sums, texture: u32, uv: V2, g: V3, wanted: bool) -> V2 {
         let image = texture_at(self.of_materials, texture);
@@ -70,8 +70,8 @@ impl<'a> Scene<'a> {
         image.by_coordinates(by)
     }
 
-    /// Adds the derivatives of g·colour by a channel of a material, if these are wanted; returns that by the texture
-    /// coordinates.
+    /// Adds the derivatives of g·color with respect to a channel of a material, if `wanted`, and returns the one with
+    /// respect to the texture coordinates.
     #[inline(always)]
     pub fn colour_backward(
         &self,
@@ -92,7 +92,8 @@ impl<'a> Scene<'a> {
         by_uv
     }
 
-    /// Adds the derivatives of g times what a material emits; returns that by the texture coordinates.
+    /// Adds the derivatives of g times a material's emission, and returns the one with respect to the texture
+    /// coordinates.
     #[inline(always)]
     pub fn emission_backward(&self, sums: &Sums, material: u32, uv: V2, g: V3) -> V2 {
         let mut by_uv = v2(0.0, 0.0);
@@ -104,7 +105,7 @@ impl<'a> Scene<'a> {
         by_uv
     }
 
-    /// Whether a triangle has a hole at the point with these weights of its corners.
+    /// Returns whether a triangle has a hole at the point with these barycentric weights.
     #[inline(always)]
     pub fn is_open(&self, triangle: u32, weights: V3) -> bool {
         let mut open = false;
@@ -120,7 +121,7 @@ impl<'a> Scene<'a> {
         open
     }
 
-    /// Whether a triangle has a hole at a place, at a time.
+    /// Returns whether a triangle has a hole at a position and time.
     #[inline(always)]
     pub fn is_open_at(&self, triangle: u32, position: V3, time: f32) -> bool {
         let mut open = false;
@@ -132,15 +133,15 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// The place of the words of a channel's texture; the first is [`NONE`] where it is a constant.
+/// Returns the index of the words of a channel's texture; the first word is [`NONE`] for a constant.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn texture_of(material: u32, channel: u32) -> u32 {
     MATERIAL * material + 1 + 4 * channel
 }
 
-/// Adds the derivatives of g·colour by the texels of a cell to a part, if these are wanted; returns those by the point,
-/// in texels.
+/// Adds the derivatives of g·color with respect to the texels of a cell to a part, if `wanted`, and returns the
+/// derivatives with respect to the cell's point, in texels.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn cell_backward(sums: &Sums, texels: &[f32], cell: Cell, g: V3, part: u32, wanted: bool) -> V2 {
@@ -154,7 +155,7 @@ fn cell_backward(sums: &Sums, texels: &[f32], cell: Cell, g: V3, part: u32, want
     cell.slopes(texels, 0u32, g)
 }
 
-/// The map of the environment.
+/// Returns the environment map.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn map_of(scene: &Scene) -> Map {
@@ -164,7 +165,7 @@ pub(crate) fn map_of(scene: &Scene) -> Map {
     }
 }
 
-/// Radiance of the environment along a direction.
+/// Returns the radiance of the environment along a direction.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn sky(scene: &Scene, direction: V3) -> V3 {
@@ -184,7 +185,7 @@ fn radiance_of_map(map: Map, texels: &[f32], direction: V3) -> V3 {
     map.cell(direction).colour(texels, 0u32)
 }
 
-/// Adds the derivatives of g·radiance of the environment; returns that by the direction.
+/// Adds the derivatives of g·radiance of the environment, and returns the one with respect to the direction.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(never)]
 pub(crate) fn sky_backward(scene: &Scene, sums: &Sums, direction: V3, g: V3) -> V3 {

@@ -1,10 +1,10 @@
-//! Sums of derivatives in kernels, by atomic additions of whole numbers, so that they are the same whatever the
-//! order: few GPUs add floats, and none in an order that repeats. Threads of a launch add to 64 bits in two words, of
-//! several replicas; after it these are added to sums of 96 bits.
+//! Accumulation of derivatives in kernels by integer atomics, so that sums do not depend on the order of additions.
+//! Few GPUs support atomic addition of floats, and none in a repeatable order. Threads of a launch add to 64-bit sums
+//! of two words, of which there are several replicas. After the launch these are added to 96-bit sums.
 //!
-//! A derivative is multiplied by a power of two and rounded. The powers are one for each part of a scene, and
-//! come from the largest derivatives of some of the paths. One that is so much larger that 64 bits might not hold all
-//! of a launch is added to the sums of 96 bits.
+//! A derivative is multiplied by a power of two and rounded. There is one power for each part of a scene, chosen from
+//! the largest derivatives of some of the paths. A derivative so large that a launch might overflow 64 bits is added
+//! to the 96-bit sums directly.
 
 #![allow(dead_code, reason = "kernels alone read and call what is here")]
 
@@ -17,32 +17,31 @@ use crate::model::integers::total;
 use crate::model::numbers::{is_nonzero, magnitude};
 use crate::model::{V3, component};
 
-/// Words before the sums, one a part: the bits of the largest derivative while these are measured; then those of
-/// infinity, if one was not finite or too large for any sum.
+/// Words before the sums, one per part. While the derivatives are measured, a word holds the bits of the largest one.
+/// Afterwards it holds the bits of infinity if a derivative was not finite or too large for any sum.
 pub(crate) const FIRST_SUM: usize = 16;
 const _: () = assert!(PARTS <= FIRST_SUM);
 
-/// Behind the scales of all parts: how large a derivative may be, times its scale, to be added to 64 bits; at least
-/// [`LEAST_LIMIT`], above which f32 has no fractions.
+/// Index, behind the scales of all parts, of the limit: scaled derivatives below it are added to 64 bits. It is at
+/// least [`LEAST_LIMIT`] (log₂), above which f32 has no fractions.
 pub(crate) const LIMIT: usize = PARTS;
 pub(crate) const LEAST_LIMIT: i32 = 24;
 
-/// Derivatives, times their scale, that are added to sums of 96 bits are less than 2⁷⁸, so that 2¹⁷ of the largest have
-/// room; by its bits.
+/// Bits of 2⁷⁸: scaled derivatives added to 96-bit sums are smaller, so that 2¹⁷ of the largest fit.
 const MOST: u32 = (78 + 127) << 23;
 
-/// The least size, by its bits, of numbers without fractions.
+/// Bits of the smallest magnitude at which floats have no fractions.
 const OF_WHOLES: u32 = (24 + 127) << 23;
 
-/// The scale of parts of whose derivatives only the sizes are looked at.
+/// Scale of parts whose derivatives are only measured.
 pub(crate) const MEASURE: f32 = 0.0;
 
-/// The sums that a thread adds to, the scales of their parts, and the derivatives that are summed.
+/// The sums that a thread adds to, the scales of their parts, and the requested derivatives.
 #[derive(CubeType, Clone, Copy)]
 pub(crate) struct Totals<'a> {
-    /// Of all launches, three words a number, behind those of parts; then those of replicas.
+    /// Sums of all launches, three words each, behind the words of the parts; then the sums of the replicas.
     pub sums: &'a [Atomic<u32>],
-    /// The first word of the replica for this launch, which has two words a number.
+    /// First word of the replica for this launch, which has two words per sum.
     pub replica: u32,
     pub scales: &'a [f32],
     /// The first sum of each part.
@@ -51,7 +50,7 @@ pub(crate) struct Totals<'a> {
     pub of: Derivatives,
 }
 
-/// 1 if a sum of two words, of which one is given, has wrapped.
+/// Returns 1 if the sum of two words wrapped; `word` is one of the two.
 #[cube]
 pub(crate) fn carry(sum: u32, word: u32) -> u32 {
     select(sum < word, 1u32, 0u32)
@@ -59,7 +58,7 @@ pub(crate) fn carry(sum: u32, word: u32) -> u32 {
 
 #[cube]
 impl<'a> Totals<'a> {
-    /// Adds a derivative to a sum of a part, or looks at its size alone ([`MEASURE`]).
+    /// Adds a derivative to a sum of a part, or only measures it ([`MEASURE`]).
     pub fn add(&self, at: u32, value: f32, part: u32) {
         if is_nonzero(value) {
             let scale = self.scales[part as usize];
@@ -70,13 +69,13 @@ impl<'a> Totals<'a> {
             } else if size < MOST {
                 self.add_whole(self.first[part as usize] + at, scaled, size);
             } else {
-                // What is infinite or NaN is above every limit.
+                // Infinity and NaN are above every limit.
                 self.look_at(part, INFINITY.runtime());
             }
         }
     }
 
-    /// Keeps the largest derivative of a part, by its bits.
+    /// Stores the largest derivative of a part, as bits.
     fn look_at(&self, part: u32, bits: u32) {
         let largest = &self.sums[part as usize];
         // Few are larger than those before.
@@ -85,7 +84,7 @@ impl<'a> Totals<'a> {
         }
     }
 
-    /// Adds a number, rounded, to one of 64 bits, or of 96 bits if its size, by its bits, is over the limit.
+    /// Adds a rounded number to a 64-bit sum, or to a 96-bit sum if its magnitude `size`, as bits, reaches the limit.
     fn add_whole(&self, number: u32, scaled: f32, size: u32) {
         let mut words = 2u32;
         let mut first = self.replica + 2 * number;
@@ -100,7 +99,7 @@ impl<'a> Totals<'a> {
             shift = (size >> 23) - 150u32;
         }
         let by = shift % 32;
-        // The two's complement of negative numbers.
+        // Two's complement of negative numbers.
         let flip = select(scaled < 0.0, 0xffff_ffffu32, 0u32);
         let mut carried = flip & 1;
         let mut k = 0u32;
@@ -118,7 +117,7 @@ impl<'a> Totals<'a> {
         }
     }
 
-    /// Adds three derivatives.
+    /// Adds a vector of three derivatives.
     pub fn add_vector(&self, at: u32, value: V3, part: u32) {
         let mut k = 0u32;
         while k < 3 {

@@ -201,16 +201,15 @@ fn classes() -> Vec<Case> {
                 d,
                 t,
             );
-            let m = Material::diffuse(Albedo::texture(base + one * p.reshape([1, 1, 1])));
+            let m = Material::diffuse(ColorTexture::texture(base + one * p.reshape([1, 1, 1])));
             (change("floor", |o| o.material(m.clone()), d, t), camera())
         }),
         case("specular", 0.4, 0.05, 1, |d, t, p| {
-            let m =
-                Material::diffuse([0.3, 0.3, 0.2]).specular(vector(p, [0.9, 1.0, 0.8], d, t), 12.0);
+            let m = Material::phong([0.3, 0.3, 0.2], vector(p, [0.9, 1.0, 0.8], d, t), 12.0);
             (change("floor", |o| o.material(m.clone()), d, t), camera())
         }),
         case("shininess", 12.0, 0.4, 1, |d, t, p| {
-            let m = Material::diffuse([0.3, 0.3, 0.2]).specular([0.5; 3], p);
+            let m = Material::phong([0.3, 0.3, 0.2], [0.5; 3], p);
             (
                 change("floor", |o| o.material(m.clone()), d, t).environment([0.0; 3]),
                 camera(),

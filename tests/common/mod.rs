@@ -5,6 +5,7 @@ pub mod errors;
 pub mod facets;
 pub mod folder;
 pub mod gradients;
+pub mod materials;
 pub mod memory;
 pub mod numbers;
 pub mod process;

@@ -147,7 +147,7 @@ fn cases() -> Vec<Case> {
             name: "gloss",
             scene: |device| {
                 let (scene, camera) = flying(device);
-                let gloss = Material::diffuse([0.3, 0.2, 0.2]).specular([0.5; 3], 20.0);
+                let gloss = Material::phong([0.3, 0.2, 0.2], [0.5; 3], 20.0);
                 let scene = scene
                     .map_object("floor", |o| o.material(gloss.clone()))
                     .expect("the floor")
@@ -216,7 +216,7 @@ fn cases() -> Vec<Case> {
                 let (scene, camera) = flying(device);
                 let ball = shapes::icosphere(1, device).scaled([0.3; 3]);
                 let ball = emitting(ball.translated([-1.2, 1.1, 0.6]), [1.0, 2.0, 3.0]);
-                let gloss = Material::diffuse([0.3, 0.2, 0.2]).specular([0.5; 3], 6.0);
+                let gloss = Material::phong([0.3, 0.2, 0.2], [0.5; 3], 6.0);
                 let scene = scene
                     .map_object("floor", |o| o.material(gloss.clone()))
                     .expect("the floor")

@@ -280,8 +280,8 @@ fn cornell_box(point: &Point, camera: Camera) -> softray::Result<(Scene, Camera)
             })
         })?
         .map_object("back", |o| {
-            let m = Material::diffuse(Albedo::texture(texels.clone()));
-            o.material(m.specular(gloss.0.clone(), gloss.1.clone()))
+            let diffuse = ColorTexture::texture(texels.clone());
+            o.material(Material::phong(diffuse, gloss.0.clone(), gloss.1.clone()))
                 .map_mesh(|m| {
                     let flat: Vec<f64> = m
                         .host_vertices()

@@ -79,8 +79,8 @@ fn everything(device: &Device, sky: bool) -> (Scene, Camera, Vec<Tensor<1>>) {
         .scaled(Tensor::from_floats([0.6], device))
         .translated(place.clone());
     let [floor, lamp] = floor_and_light(device);
-    let shiny = Material::diffuse([0.3, 0.3, 0.2]).specular(gloss.clone(), exponent.clone());
-    let texture = Albedo::texture(texels.clone().reshape([2, 2, 3]));
+    let shiny = Material::phong([0.3, 0.3, 0.2], gloss.clone(), exponent.clone());
+    let texture = ColorTexture::texture(texels.clone().reshape([2, 2, 3]));
     let mut scene = Scene::new()
         .with(Object::new(floor).material(Material::diffuse(texture)))
         .with(Object::new(lamp).material(Material::emitter(emission.clone())))

@@ -11,7 +11,7 @@ use softray::scene::shapes;
 /// Derivatives by the x of a ball that is seen in a rough mirror alone, by seeds.
 fn in_a_mirror(adaptive: bool, seeds: u64) -> Vec<f64> {
     let device = Device::flex();
-    let mirror = Material::diffuse([0.02; 3]).specular([0.9; 3], 400.0);
+    let mirror = Material::phong([0.02; 3], [0.9; 3], 400.0);
     let wall = facing_front([-2.5, 2.5], [-1.8, 1.8], 0.0, &device);
     let ball = shapes::icosphere(0, &device)
         .scaled(0.8)

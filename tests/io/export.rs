@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
+use crate::common::materials::base;
 use crate::common::numbers::{largest, mean};
 use crate::common::scenes::{facing_front, floor, lamp};
 use crate::common::tensors::{radiance, values};
@@ -33,13 +34,13 @@ fn room() -> Scene {
         .expect("an image")
         .into_tensor(&device);
     let floor = Object::new(floor(2.0, 0.0, &device).with_uvs(uvs()));
-    let checkered = Material::diffuse(Albedo::Texture {
+    let checkered = Material::diffuse(ColorTexture::Texture {
         texels: checks,
         wrap: Wrap::Clamp,
     });
     let stripes = texels([2, 3, 3], |i| 0.05 + i as f32 / 50.0);
-    let striped = Material::diffuse(Tensor::<1>::from_floats([0.1, 0.2, 0.3], &device))
-        .specular(Albedo::texture(stripes), 7.5);
+    let dark = Tensor::<1>::from_floats([0.1, 0.2, 0.3], &device);
+    let striped = Material::phong(dark, ColorTexture::texture(stripes), 7.5);
     let turn = Transform::new()
         .scale(Tensor::from_floats([0.6, 0.9, 0.6], &device))
         .axis_angle([1.0, 0.4, 0.0], Tensor::from_floats([0.7], &device))
@@ -60,7 +61,7 @@ fn room() -> Scene {
         .with(
             Object::new(ball.transformed(&turn))
                 .named("ball")
-                .material(Material::diffuse([0.2, 0.3, 0.4]).specular([0.3, 0.3, 0.25], 30.0)),
+                .material(Material::phong([0.2, 0.3, 0.4], [0.3, 0.3, 0.25], 30.0)),
         )
         .with(back)
         .with(lamp.named("\n"))
@@ -87,8 +88,8 @@ fn a_scene_reads_back_to_the_same_image() {
     let floor = &read.objects[0].materials[0];
     assert_eq!(floor.name, "Wood _1");
     assert!(matches!(
-        &floor.diffuse,
-        Albedo::Texture {
+        base(&floor),
+        ColorTexture::Texture {
             wrap: Wrap::Clamp,
             ..
         }
@@ -118,7 +119,7 @@ fn what_is_lost_is_told() {
     let folder = Folder::new("losses");
     let device = Device::flex();
     let wandered = Tensor::<1>::from_floats([-0.01, 0.5, 1.2], &device);
-    let mirrored = Albedo::Texture {
+    let mirrored = ColorTexture::Texture {
         texels: texels([1, 2, 3], |i| i as f32 / 9.0),
         wrap: Wrap::Mirror,
     };

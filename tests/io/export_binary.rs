@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::common::folder::Folder;
+use crate::common::materials::base;
 use crate::common::numbers::{largest, mean};
 use crate::common::scenes::{facing_front, floor, lamp};
 use crate::common::tensors::values;
@@ -34,12 +35,13 @@ fn faceted(mesh: Mesh) -> Mesh {
 /// than 1, and faces of two materials.
 fn room() -> Scene {
     let device = Device::flex();
-    let textured = |texels, wrap| Material::diffuse(Albedo::Texture { texels, wrap });
+    let textured = |texels, wrap| Material::diffuse(ColorTexture::Texture { texels, wrap });
     let bytes = |i: usize| if (i / 3).is_multiple_of(2) { 1.0 } else { 0.0 };
     let floor = Object::new(floor(2.0, 0.0, &device).with_uvs(uvs()));
     let smooth = texels([3, 2, 3], |i| 0.05 + i as f32 / 50.0);
     let glossy = textured(texels([2, 3, 3], |i| 0.05 + i as f32 / 60.0), Wrap::Mirror);
-    let glossy = glossy.specular(Albedo::texture(smooth), 7.5);
+    let diffuse = base(&glossy).clone();
+    let glossy = Material::phong(diffuse, ColorTexture::texture(smooth), 7.5);
     let ball = shapes::icosphere(1, &device)
         .scaled(0.6)
         .translated([-0.6, 0.8, 0.1]);
@@ -54,7 +56,7 @@ fn room() -> Scene {
     back.materials = vec![glossy, Material::diffuse([0.7, 0.1 + 0.2, 1.0 / 3.0])].into();
     back.face_materials = Arc::new(vec![1, 0]);
     let checks = textured(texels([4, 4, 3], bytes), Wrap::Clamp);
-    let shiny = Material::diffuse([0.2, 0.3, 0.4]).specular([0.3, 0.3, 0.25], 30.0);
+    let shiny = Material::phong([0.2, 0.3, 0.4], [0.3, 0.3, 0.25], 30.0);
     Scene::new()
         .with(floor.named("floor").material(checks.named("checks")))
         .with(Object::new(ball).named("ball").material(shiny.clone()))
@@ -83,7 +85,7 @@ fn a_scene_reads_back_from_gltf_to_the_same_image() {
         let names: Vec<&str> = read.objects.iter().map(|o| o.name.as_str()).collect();
         assert_eq!(names, ["floor", "ball", "cube", "back \"\n", "lamp"]);
         assert_eq!(read.objects[2].mesh.vertices.dims(), [8, 3]);
-        let Albedo::Constant(lamp) = &read.objects[4].materials[0].emission else {
+        let ColorTexture::Constant(lamp) = &read.objects[4].materials[0].emission else {
             panic!("a texture");
         };
         let lamp = lamp.values().expect("values");
@@ -186,7 +188,7 @@ fn what_is_lost_is_told() {
         .with(
             cube("bright")
                 .map_mesh(tiled)
-                .material(Material::diffuse(Albedo::texture(bright))),
+                .material(Material::diffuse(ColorTexture::texture(bright))),
         )
         .with(Object::new(nothing).named("empty"));
     let told = warnings(|| scene.write(folder.path("a.glb")).expect("a file"));

@@ -3,6 +3,7 @@
 use crate::common;
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
+use crate::common::materials::base;
 use crate::common::told::warnings;
 use crate::gltf_maker::{Gltf, data_uri};
 use crate::written::constant;
@@ -195,7 +196,7 @@ fn materials_and_textures() {
         let material = &scene.objects[0].materials[0];
         assert_eq!(material.name, "wood");
         assert_eq!(constant(&material.emission), [8.0, 4.0, 0.0]);
-        let Albedo::Texture { texels, wrap } = &material.diffuse else {
+        let ColorTexture::Texture { texels, wrap } = base(material) else {
             panic!("no texture");
         };
         assert_eq!(*wrap, Wrap::Clamp);
@@ -366,8 +367,8 @@ fn files_without_scenes_and_materials() {
     let scene = load(&file).expect("a scene");
     let material = &scene.objects[0].materials[0];
     assert_eq!(
-        constant(&material.diffuse),
-        constant(&Material::default().diffuse)
+        constant(base(material)),
+        constant(base(&Material::default()))
     );
     file.json["nodes"] = json!([]);
     let none = load(&file);

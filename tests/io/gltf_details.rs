@@ -3,6 +3,7 @@
 
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
+use crate::common::materials::{base, metallic};
 use crate::common::numbers::mean;
 use crate::common::scenes::{facing_front, floor, lamp};
 use crate::common::tensors::{radiance, values};
@@ -88,7 +89,7 @@ fn details_without_coordinates_are_left_out() {
         assert!(told.iter().any(|t| t.contains(part)), "{told:?}");
     }
     let material = &scene.objects[0].materials[0];
-    let ScalarTexture::Constant(metal) = &material.metallic else {
+    let ScalarTexture::Constant(metal) = metallic(material) else {
         panic!("a texture");
     };
     near(&metal.values().expect("a number"), &[0.5]);
@@ -144,7 +145,7 @@ fn room() -> Scene {
         }
     });
     let checks = Material::diffuse([0.9, 0.3, 0.2]).alpha_mask(holes.clone(), 0.7);
-    let leaf = Albedo::texture(texels([4, 4, 3], |i| (i % 10) as f32 / 12.0));
+    let leaf = ColorTexture::texture(texels([4, 4, 3], |i| (i % 10) as f32 / 12.0));
     let leaf = Material::metallic_roughness(leaf, 0.5, 0.4).alpha_mask(holes, 0.2);
     let floor = floor(2.0, 0.0, &device).with_uvs(uvs());
     let back = facing_front([-2.0, 2.0], [0.0, 3.0], -2.0, &device).with_uvs(uvs());
@@ -286,9 +287,9 @@ fn webp_is_read_as_png_is() {
         }
         let path = folder.write("a.glb", file.glb());
         let scene = Scene::load(path, &Device::flex()).expect("a scene");
-        match &scene.objects[0].materials[0].diffuse {
-            Albedo::Texture { texels, .. } => values(texels),
-            Albedo::Constant(_) => panic!("no texture"),
+        match base(&scene.objects[0].materials[0]) {
+            ColorTexture::Texture { texels, .. } => values(texels),
+            ColorTexture::Constant(_) => panic!("no texture"),
         }
     };
     let png = texels(image::ImageFormat::Png, "image/png", false);
@@ -322,7 +323,7 @@ fn black_textures_are_no_light() {
     // Those of other files, and tensors of a fit, too.
     let device = Device::flex();
     let with = |texels: Tensor<3>| {
-        let emission = Material::emitter(Albedo::texture(texels));
+        let emission = Material::emitter(ColorTexture::texture(texels));
         let uvs = Tensor::zeros([8, 2], &device);
         let cube = shapes::cube(&device).with_uvs(uvs);
         Scene::new().with(Object::new(cube).material(emission))
@@ -348,8 +349,8 @@ fn damaged_images() {
     for uri in ["cut.png", "nowhere.png"] {
         let path = folder.write("a.glb", Gltf::textured(uri).glb());
         let scene = Scene::load(&path, &Device::flex()).expect("a scene");
-        let diffuse = &scene.objects[0].materials[0].diffuse;
-        assert!(matches!(diffuse, Albedo::Constant(_)), "{uri}");
+        let diffuse = base(&scene.objects[0].materials[0]);
+        assert!(matches!(diffuse, ColorTexture::Constant(_)), "{uri}");
         let error = Scene::load_within(&path, &Device::flex(), &strict);
         says(message(error), [uri]);
     }

@@ -4,6 +4,7 @@
 use std::path::PathBuf;
 
 use crate::common::folder::Folder;
+use crate::common::materials::base;
 use crate::common::told::{Told, ball, camera, flex, lit, row, see, small, warnings};
 use crate::gltf_maker::Gltf;
 use burn::tensor::Tensor;
@@ -117,7 +118,10 @@ fn modules() {
         &["diffuse", "texture", "TextureParams"],
         || {
             let texels = Tensor::ones([2, 2, 3], &flex());
-            MaterialParams::from_material(&Material::diffuse(Albedo::texture(texels)), &device)
+            MaterialParams::from_material(
+                &Material::diffuse(ColorTexture::texture(texels)),
+                &device,
+            )
         },
     );
     told.expect("a texture of bytes", &["texture", "255", "[0, 1]"], || {
@@ -368,9 +372,9 @@ fn images_that_are_not_there() {
         let whole = told.len() == 1 && told[0].contains("without what can't be read");
         assert!(whole && told[0].contains(part), "{told:?}");
         let material = &scene.objects[0].materials[0];
-        let diffuse = match &material.diffuse {
-            Albedo::Constant(p) => p.values().expect("a colour"),
-            Albedo::Texture { .. } => panic!("a texture"),
+        let diffuse = match base(material) {
+            ColorTexture::Constant(p) => p.values().expect("a colour"),
+            ColorTexture::Texture { .. } => panic!("a texture"),
         };
         assert_eq!(diffuse, [1.0, 0.5, 0.0]);
         assert!(!scene.has_light());

@@ -9,6 +9,7 @@ use std::path::Path;
 use crate::common;
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
+use crate::common::materials::{base, model, roughness, specular};
 use crate::common::tensors::points;
 use crate::written::constant;
 use softray::prelude::*;
@@ -47,13 +48,21 @@ fn objects_and_materials() {
         *first.mesh.faces,
         [[0, 1, 2], [0, 2, 3], [1, 0, 3], [3, 2, 1]]
     );
-    assert_eq!(constant(&first.materials[0].diffuse), [0.8, 0.1, 0.05]);
+    assert_eq!(constant(base(&first.materials[0])), [0.8, 0.1, 0.05]);
     let gloss = &first.materials[1];
-    assert_eq!(constant(&gloss.diffuse), [0.5; 3]);
-    assert_eq!(constant(&gloss.specular), [0.25, 0.25, 0.2]);
-    assert_eq!(gloss.shininess.values().expect("values"), [40.0]);
-    let grey = constant(&Material::default().diffuse);
-    assert_eq!(constant(&first.materials[2].diffuse), grey);
+    let Bsdf::Phong {
+        diffuse,
+        specular,
+        shininess,
+    } = &gloss.bsdf
+    else {
+        panic!("{gloss:?}");
+    };
+    assert_eq!(constant(diffuse), [0.5; 3]);
+    assert_eq!(constant(specular), [0.25, 0.25, 0.2]);
+    assert_eq!(shininess.values().expect("values"), [40.0]);
+    let grey = constant(base(&Material::default()));
+    assert_eq!(constant(base(&first.materials[2])), grey);
 
     let second = &scene.objects[1];
     assert_eq!(
@@ -62,8 +71,8 @@ fn objects_and_materials() {
     );
     let lamp = &second.materials[0];
     assert_eq!(constant(&lamp.emission), [17.0, 12.0, 4.0]);
-    assert_eq!(constant(&lamp.diffuse), [0.0; 3]);
-    assert_eq!(constant(&second.materials[1].diffuse), grey);
+    assert_eq!(constant(base(lamp)), [0.0; 3]);
+    assert_eq!(constant(base(&second.materials[1])), grey);
 }
 
 #[test]
@@ -85,7 +94,7 @@ fn textures_are_decoded() {
             "mtllib maps\\wood.mtl\n{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nusemtl wood\nf 1/1 2/2 3/3\n"
         ))
         .expect("a scene");
-    let Albedo::Texture { texels, .. } = &scene.objects[0].materials[0].diffuse else {
+    let ColorTexture::Texture { texels, .. } = base(&scene.objects[0].materials[0]) else {
         panic!("no texture");
     };
     assert_eq!(texels.dims(), [1, 2, 3]);
@@ -117,23 +126,23 @@ fn maps_of_gloss_and_clamped_textures() {
              f 1/1 2/1 3/1\nusemtl none\nf 1/1 2/1 3/1\n"
         ))
         .expect("a scene");
-    let texture = |albedo: &Albedo| match albedo {
-        Albedo::Texture { texels, wrap } => {
+    let texture = |albedo: &ColorTexture| match albedo {
+        ColorTexture::Texture { texels, wrap } => {
             let image = HostImage::from_tensor(texels).expect("values");
             (image.pixels, *wrap)
         }
-        Albedo::Constant(_) => panic!("a constant"),
+        ColorTexture::Constant(_) => panic!("a constant"),
     };
     let [tinted, whole, none] = &scene.objects[0].materials[..] else {
         panic!("three materials");
     };
     assert_eq!(
-        texture(&tinted.specular),
+        texture(specular(tinted)),
         (vec![0.5, 0.25, 0.0], Wrap::Repeat)
     );
-    assert_eq!(texture(&tinted.diffuse), (vec![0.0, 0.0, 1.0], Wrap::Clamp));
-    assert_eq!(texture(&whole.specular), (vec![1.0, 1.0, 0.0], Wrap::Clamp));
-    assert_eq!(constant(&none.specular), [0.0; 3]);
+    assert_eq!(texture(base(tinted)), (vec![0.0, 0.0, 1.0], Wrap::Clamp));
+    assert_eq!(texture(specular(whole)), (vec![1.0, 1.0, 0.0], Wrap::Clamp));
+    assert_eq!(constant(specular(none)), [0.0; 3]);
     assert_eq!(texture(&whole.emission), (vec![3.0, 2.0, 0.0], Wrap::Clamp));
     assert_eq!(texture(&none.emission), (vec![1.0, 1.0, 0.0], Wrap::Repeat));
     assert_eq!(constant(&tinted.emission), [0.0; 3]);
@@ -337,8 +346,8 @@ fn scene_files() {
     assert_eq!(velocity.values().expect("values"), [0.5, 0.0, -1.0]);
 
     let material = &file.scene.objects[0].materials[0];
-    assert_eq!(material.bsdf, Bsdf::MetallicRoughness);
-    let ScalarTexture::Texture { texels, .. } = &material.roughness else {
+    assert_eq!(model(material), "metallic roughness");
+    let ScalarTexture::Texture { texels, .. } = roughness(material) else {
         panic!("a texture");
     };
     assert_eq!(texels.to_data().iter::<f64>().collect::<Vec<_>>(), [1.0]);

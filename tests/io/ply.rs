@@ -3,6 +3,7 @@
 use crate::common;
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
+use crate::common::materials::base;
 use crate::common::told::warnings;
 use softray::prelude::*;
 
@@ -165,7 +166,7 @@ fn textures_of_scans() {
     let scene = Scene::load(path, &device).expect("a scene");
     let object = &scene.objects[0];
     assert_eq!(object.mesh.uvs.as_ref().expect("uvs").faces.len(), 2);
-    let Albedo::Texture { texels, .. } = &object.materials[0].diffuse else {
+    let ColorTexture::Texture { texels, .. } = base(&object.materials[0]) else {
         panic!("no texture");
     };
     let texels = common::values(texels);
@@ -205,7 +206,7 @@ fn vertex_colours() {
         for (c, e) in common::values(&colours.values).iter().zip(expected) {
             assert!((c - e).abs() < 1e-6, "{kind}: {c} {e}");
         }
-        let Albedo::Constant(albedo) = &object.materials[0].diffuse else {
+        let ColorTexture::Constant(albedo) = base(&object.materials[0]) else {
             panic!("a texture");
         };
         assert_eq!(albedo.values().expect("a colour"), [1.0; 3]);

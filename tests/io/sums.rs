@@ -180,7 +180,7 @@ fn a_shared_texture_has_the_sum_of_its_derivatives() {
                 [x - 0.5, 0.5, 0.0],
                 &device,
             );
-            Object::new(square).material(Material::diffuse(Albedo::texture(texture)))
+            Object::new(square).material(Material::diffuse(ColorTexture::texture(texture)))
         });
         let scene = squares.fold(Scene::new().environment([1.0; 3]), Scene::with);
         let image = render(&scene, &camera, &options).expect("an image");

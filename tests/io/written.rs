@@ -35,9 +35,9 @@ pub fn near(found: &[f64], expected: &[f64]) {
 }
 
 /// A colour that is no texture.
-pub fn constant(albedo: &Albedo) -> [f64; 3] {
+pub fn constant(albedo: &ColorTexture) -> [f64; 3] {
     match albedo {
-        Albedo::Constant(p) => p.values().expect("values"),
-        Albedo::Texture { .. } => panic!("a texture"),
+        ColorTexture::Constant(p) => p.values().expect("values"),
+        ColorTexture::Texture { .. } => panic!("a texture"),
     }
 }

@@ -54,7 +54,7 @@ fn holes_do_not_shine() {
     let image = |mesh: Mesh, half: bool, engine: Engine| {
         let light = Material::emitter([5.0; 3]);
         let light = if half { half_open(light) } else { light };
-        let gloss = Material::diffuse([0.4; 3]).specular([0.4; 3], 10.0);
+        let gloss = Material::phong([0.4; 3], [0.4; 3], 10.0);
         let scene = Scene::new()
             .with(Object::new(mesh).material(light))
             .with(Object::new(floor(2.0, 0.0, &device)).material(gloss));

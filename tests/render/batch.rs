@@ -48,7 +48,7 @@ fn world(device: &Device) -> World {
     let uvs = tensor(&uvs, [vertices.len(), 2], device, DType::F64);
     let smooth = ball(1);
     let smooth = smooth.clone().with_normals(smooth.vertices);
-    let painted = Material::diffuse(Albedo::texture(texels.clone()));
+    let painted = Material::diffuse(ColorTexture::texture(texels.clone()));
     let scenes = vec![
         Scene::new()
             .with(moved)

@@ -23,7 +23,7 @@ fn scenes_are_read_object_by_object() {
         .velocity(leaf(row([1.0, 0.0, 0.5])));
     let cube = Object::new(shapes::cube(&flex()).translated(leaf(row([0.0; 3]))))
         .named("box")
-        .material(Material::diffuse([0.0; 3]).specular([0.5; 3], row([9.0])));
+        .material(Material::phong([0.0; 3], [0.5; 3], row([9.0])));
     let scene = Scene::new().with(ball).with(cube).environment([0.1; 3]);
     let ball = r#""ball": Mesh { 12 vertices, 20 faces, on flex }, Material "red" { diffuse: [0.3, 0.4, 0.5] }, velocity [1.0, 0.0, 0.5] in the graph"#;
     let cube = r#""box": Mesh { 8 vertices in the graph, 12 faces, on flex }, Material "material" { diffuse: [0.0, 0.0, 0.0], specular: [0.5, 0.5, 0.5], shininess: 9.0 }"#;
@@ -56,7 +56,7 @@ fn parts_of_scenes() {
     );
     let texels = Tensor::<3>::ones([2, 4, 3], &flex());
     same(
-        &Albedo::texture(texels.clone()),
+        &ColorTexture::texture(texels.clone()),
         "texture [2, 4, 3] on flex, Repeat",
     );
     let map = Environment::map(leaf(texels));
@@ -128,7 +128,7 @@ fn modules_show_their_parameters() {
 fn what_is_malformed_is_shown() {
     let mesh = Mesh::new(Tensor::zeros([3, 2], &flex()), vec![[0, 1, 9]]);
     same(&mesh, "Mesh { vertices of shape [3, 2], 1 faces, on flex }");
-    let albedo: Albedo = row([0.5; 4]).into();
+    let albedo: ColorTexture = row([0.5; 4]).into();
     same(&albedo, "a tensor of shape [4], not [3]");
     same(
         &Material::emitter(row([])).named("lamp"),

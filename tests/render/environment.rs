@@ -92,7 +92,7 @@ fn a_map_has_its_orientation() {
 /// together.
 #[test]
 fn a_uniform_map_is_a_constant() {
-    let material = Material::diffuse([0.3, 0.4, 0.5]).specular([0.4; 3], 20.0);
+    let material = Material::phong([0.3, 0.4, 0.5], [0.4; 3], 20.0);
     let leaf =
         |v: Vec<f64>, shape: [usize; 3]| tensor(&v, shape, DType::F64).autodiff().require_grad();
     let texels = leaf(vec![0.8; 384], [8, 16, 3]);
@@ -138,7 +138,7 @@ fn a_sun_is_found() {
     for (material, share) in [
         (Material::diffuse([0.6; 3]), 0.4),
         // The BSDF alone finds so large a sun well.
-        (Material::diffuse([0.1; 3]).specular([0.8; 3], 300.0), 0.85),
+        (Material::phong([0.1; 3], [0.8; 3], 300.0), 0.85),
     ] {
         let scene = ball(material, DType::F32).environment(sky(sunny, DType::F32));
         let expected = of(&scene, Sampling::paper(), 4096, 2);
@@ -183,7 +183,7 @@ fn gradients_are_those_of_differences() {
         let one = map(|y, x| [f64::from(u8::from(y == 2 && x > 8 && x < 12)); 3]);
         let one = tensor(&one, [8, 16, 3], point.dtype);
         let texels = rest + one * point.get("texel")?.reshape([1, 1, 1]);
-        let gloss = Material::diffuse(point.get("albedo")?.expand([3])).specular([0.3; 3], 10.0);
+        let gloss = Material::phong(point.get("albedo")?.expand([3]), [0.3; 3], 10.0);
         let scene = ball(gloss, point.dtype).map_object("object", |o| o)?;
         let stretch = point.get("stretch")?;
         let mut scene = scene.environment(Environment::map(texels));

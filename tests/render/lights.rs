@@ -180,7 +180,7 @@ fn an_emissive_texture_lights_as_its_pieces_do() {
     let uvs = Tensor::<1>::from_floats(uvs.as_slice(), &device).reshape([4, 2]);
     let wrap = Wrap::Clamp;
     let whole = Object::new(lamp.with_uvs(uvs))
-        .material(Material::emitter(Albedo::Texture { texels, wrap }));
+        .material(Material::emitter(ColorTexture::Texture { texels, wrap }));
     let floor = || Scene::new().with(diffuse(floor(4.0, 0.0, &device), [ALBEDO; 3]));
     let mut cut = floor();
     let place = |i: i32| 2.0 * half * f64::from(i) / f64::from(pieces) - half;

@@ -368,7 +368,7 @@ fn a_map_lies_on_a_sphere_unmirrored() {
     let texels = Tensor::<1>::from_floats(texels.as_slice(), &device).reshape([16, 16, 3]);
     let image = lit(
         shapes::sphere(32, 16, &device),
-        Material::diffuse(Albedo::texture(texels)),
+        Material::diffuse(ColorTexture::texture(texels)),
     );
     // Red is where u < 1/2, which is the right; green is the upper half.
     for (x, y, red, green) in [

@@ -108,7 +108,11 @@ fn scenes() {
         let faces = vec![[1, 2, 3]];
         see(Object::new(Mesh::new(Tensor::ones([3, 3], &flex()), faces)))
     });
-    let texture = || Material::diffuse(Albedo::texture(Tensor::ones([2, 2, 3], &flex()) * 0.5));
+    let texture = || {
+        Material::diffuse(ColorTexture::texture(
+            Tensor::ones([2, 2, 3], &flex()) * 0.5,
+        ))
+    };
     told.expect(
         "a texture without coordinates",
         &["ball", "diffuse", "texture", "with_uvs"],
@@ -126,7 +130,7 @@ fn scenes() {
         &["diffuse", "[2, 2, 4]", "[H, W, 3]"],
         || {
             let rgba = Tensor::ones([2, 2, 4], &flex());
-            see(ball().material(Material::diffuse(Albedo::texture(rgba))))
+            see(ball().material(Material::diffuse(ColorTexture::texture(rgba))))
         },
     );
     told.expect("an RGBA colour", &["diffuse", "[4]", "[3]"], || {
@@ -141,7 +145,7 @@ fn scenes() {
         see(ball().material(Material::diffuse([-0.5, 0.5, 0.5])))
     });
     told.expect("a negative exponent", &["shininess", "-1", "≥ 0"], || {
-        see(ball().material(Material::diffuse([0.1; 3]).specular([0.5; 3], -1.0)))
+        see(ball().material(Material::phong([0.1; 3], [0.5; 3], -1.0)))
     });
     told.expect("emission NaN", &["emission", "NaN", "finite"], || {
         see(ball().material(Material::emitter([f64::NAN, 1.0, 1.0])))

@@ -112,9 +112,9 @@ fn lobes_reflect_their_albedo_at_normal_incidence() {
     let camera = Camera::look_at([0.0, 0.0, 50.0], [0.0; 3]).fov_y(0.5);
     let materials = [
         (Material::diffuse([0.6; 3]), 0.6),
-        (Material::diffuse([0.0; 3]).specular([0.7; 3], 5.0), 0.7),
-        (Material::diffuse([0.0; 3]).specular([0.7; 3], 80.0), 0.7),
-        (Material::diffuse([0.3; 3]).specular([0.4; 3], 20.0), 0.7),
+        (Material::phong([0.0; 3], [0.7; 3], 5.0), 0.7),
+        (Material::phong([0.0; 3], [0.7; 3], 80.0), 0.7),
+        (Material::phong([0.3; 3], [0.4; 3], 20.0), 0.7),
     ];
     for (material, expected) in materials {
         let scene = white(1.0).with(Object::new(plane.clone()).material(material));
@@ -252,7 +252,7 @@ fn errors_name_what_is_wrong_with_a_scene() {
     expect(nan, ["broken", "vertices 1", "NaN"]);
     let range = triangle(0.0, 3).named("short");
     expect(range, ["short", "face 0", "3"]);
-    let bright = Material::diffuse([0.7; 3]).specular([0.4; 3], 8.0);
+    let bright = Material::phong([0.7; 3], [0.4; 3], 8.0);
     expect(
         ball().material(bright),
         ["ball", "diffuse + specular", "1.1"],

@@ -26,7 +26,7 @@ fn variants() -> Vec<(&'static str, Sampling)> {
 
 /// A room with a large light near a glossy floor, a small bright one in another plane, and a ball.
 fn room(offset: &Tensor<1>, shininess: &Tensor<1>, device: &Device) -> Scene {
-    let gloss = Material::diffuse([0.2, 0.25, 0.3]).specular([0.6; 3], shininess.clone());
+    let gloss = Material::phong([0.2, 0.25, 0.3], [0.6; 3], shininess.clone());
     let ball = shapes::icosphere(1, device)
         .scaled(Tensor::from_floats([0.4], device))
         .translated(Tensor::from_floats([0.3, 0.5, 0.2], device) + offset.clone());
@@ -144,7 +144,7 @@ fn many_lamps([offset, of_lamps]: [&Tensor<1>; 2], device: &Device) -> Scene {
         0.4,
         row(&[0.1, 0.5, 0.2], device) + offset.clone(),
     );
-    let gloss = Material::diffuse([0.3, 0.25, 0.2]).specular([0.5; 3], 40.0);
+    let gloss = Material::phong([0.3, 0.25, 0.2], [0.5; 3], 40.0);
     let mut scene = Scene::new()
         .with(diffuse(
             facing_up([-2.0, 2.0], [-2.0, 2.0], 0.0, device),

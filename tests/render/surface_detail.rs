@@ -115,7 +115,7 @@ fn a_flat_normal_map_changes_nothing() {
         ball
     };
     let flat: Tensor<3> = constant(&[0.0, 0.0, 0.7, 0.0, 0.0, 1.0], [1, 2, 3]);
-    let gloss = Material::diffuse([0.3; 3]).specular([0.4; 3], 12.0);
+    let gloss = Material::phong([0.3; 3], [0.4; 3], 12.0);
     for engine in ENGINES {
         for mesh in [smooth(), smooth().without_normals(), wall()] {
             let without = seen(Object::new(mesh.clone()).material(gloss.clone()), engine);
@@ -134,7 +134,8 @@ fn a_flat_normal_map_changes_nothing() {
 fn a_tilt_by_a_map_is_one_of_the_normals() {
     let texel = [0.35, -0.3, 0.9];
     let matt = Material::diffuse([0.6, 0.5, 0.4]);
-    for material in [matt.clone(), matt.specular([0.3; 3], 20.0)] {
+    let gloss = Material::phong([0.6, 0.5, 0.4], [0.3; 3], 20.0);
+    for material in [matt, gloss] {
         let map = material
             .clone()
             .normal_map(constant(&texel, [1, 1, 3]), 1.0);
@@ -255,7 +256,7 @@ fn engines_agree_on_all_of_it() {
         let mut mesh = ball().translated(place.clone());
         let faces: Vec<[u32; 3]> = mesh.faces.iter().map(|f| f.map(|v| v % 2)).collect();
         mesh = mesh.with_colours(paint.clone().reshape([2, 3]), faces);
-        let mut material = Material::diffuse([0.5; 3]).specular([0.3; 3], 9.0);
+        let mut material = Material::phong([0.5; 3], [0.3; 3], 9.0);
         if masked {
             material = half_open(material);
         }

@@ -50,8 +50,8 @@ impl Surface {
         let eye = |&eye: &[f64; 3]| Camera::look_at(eye, [0.0; 3]).fov_y(40.0);
         let cameras: Vec<Camera> = self.eyes.iter().map(eye).collect();
         let scene = |texels: Tensor<3>, n: Parameter<1>, radiance: Parameter<3>| {
-            let surface = Material::diffuse(Albedo::texture(texels));
-            let surface = surface.specular([self.specular; 3], n);
+            let texels = ColorTexture::texture(texels);
+            let surface = Material::phong(texels, [self.specular; 3], n);
             let scene = file.scene.clone().map_object(&self.object, |o| {
                 let mesh = o.mesh.clone();
                 let uvs = self.uvs(&mesh);

@@ -46,8 +46,8 @@ def report(result, folder):
     for r in result["rows"]:
         cells = [cell(r[what][how]) for what in ("image", "gradient") for how in ("processes", "threads")]
         rows.append([r["scene"], r["renderer"], *cells])
-    head = ["scene", "renderer", "image, three processes", "image, one thread or all"]
-    head += ["gradient, three processes", "gradient, one thread or all"]
-    text = f"An image of {result['size']} × {result['size']} pixels and {result['samples']} samples, and the gradient of "
-    text += "Σ image² by an object's vertices, all with one seed, as the bits of f32:\n\n"
+    head = ["scene", "renderer", "image, three processes", "image, one or all threads"]
+    head += ["gradient, three processes", "gradient, one or all threads"]
+    text = f"The table compares the f32 bits of an image of {result['size']} × {result['size']} pixels and {result['samples']} samples, and "
+    text += "of the gradient of Σ image² with respect to an object's vertices. All runs have the same seed:\n\n"
     return text + common.table(head, rows)

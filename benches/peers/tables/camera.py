@@ -48,8 +48,9 @@ def report(result, folder):
     rows = []
     for scene, name in dict.fromkeys((r["scene"], r["parameter"]) for r in result["rows"]):
         rows.append([views[scene], name, *(over(at.get((scene, name, renderer))) for renderer in RENDERERS)])
-    text = "The derivative of an image of 32 × 32 pixels, weighted by how the parameter changes it: the gradient over the central difference of the same renderer's images, with the standard error of both; 1 is right. "
+    text = "The table is about the derivative of an image of 32 × 32 pixels, weighted by how the parameter changes it. It lists the ratio of "
+    text += "the gradient to the central difference of the same renderer's images, with the standard error of both. The correct value is 1. "
     words = {r["gradient"] for r in result["rows"] if isinstance(r["gradient"], str)}
     quoted = "; ".join(f"“{w}”" for w in sorted(words))
-    text += f"Where there is none the render ended with {quoted}; 0 is a gradient that is 0. Mitsuba's shapes have no motion.\n\n"
-    return text + common.table(["view", "parameter", "softray", "`prb_projective`", "`path`, plain AD, no jumps"], rows)
+    text += f"“none” means that the render ended with {quoted}. A listed 0 is a gradient of 0. Mitsuba's shapes have no motion.\n\n"
+    return text + common.table(["view", "parameter", "softray", "`prb_projective`", "`path`, plain AD, no boundary terms"], rows)

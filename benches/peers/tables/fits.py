@@ -124,8 +124,8 @@ def measure(programs, a):
 
 
 def report(result, folder):
-    text = f"A place counts as found at {result['found']} scene units from the target's. Both have the same seconds, without the "
-    text += "first step of each program, which compiles; rates fall alike.\n\n"
+    text = f"A position counts as found within {result['found']} scene units of the target. Both programs run for the same time, without "
+    text += "the first step of each program, which compiles. Their learning rates fall in the same way.\n\n"
     rows = []
     for r in (r for r in result["rows"] if r["problem"] in ("shadow", "mirror")):
         cells = []
@@ -135,7 +135,7 @@ def report(result, folder):
         steps = int(np.median([f["steps"] for f in r["fits"]]))
         rows.append([TITLES[r["problem"]], r["renderer"], f"{r['seconds']:g}", steps, *cells])
     distances = dict.fromkeys(f["distance"] for r in result["rows"] for f in r["fits"] if f["distance"])
-    text += "Found, and the median of the error at the end, from starts at a distance:\n\n"
+    text += "The number of positions found and the median of the final error, by the start's distance from the target:\n\n"
     text += common.table(["problem", "renderer", "seconds", "steps", *(f"from {d}" for d in distances)], rows)
     rows = []
     for r in result["rows"]:
@@ -150,7 +150,7 @@ def report(result, folder):
         else:
             continue
         rows.append([TITLES[r["problem"]], r["renderer"], f"{r['seconds']:g}", steps, value])
-    text += "\nMeshes and surfaces, median and half the spread over the seeds:\n\n"
+    text += "\nMeshes and surfaces, with the median and half the spread over the seeds:\n\n"
     text += common.table(["problem", "renderer", "seconds", "steps", "error at the end"], rows)
     plot(result, folder)
     return text + "\n![Error of fits over time](peers_fits.png)\n"
@@ -185,12 +185,12 @@ def summary(result):
         for r in [r for r in result["rows"] if r["problem"] == name]:
             ends = [f["trace"][-1][1] for f in r["fits"]]
             if name in ("shadow", "mirror"):
-                parts.append(f"{r['renderer']} {sum(e < result['found'] for e in ends)} of {len(ends)} found")
+                parts.append(f"{sum(e < result['found'] for e in ends)} of {len(ends)} fits succeed with {r['renderer']}")
             else:
                 first = lambda e: e[0] if isinstance(e, list) else e  # noqa: E731
                 start = first(r["fits"][0]["trace"][0][1])
                 share = float(np.median([first(e) for e in ends])) / start
-                parts.append(f"{r['renderer']} leaves {common.short(100 * share)} % of the error")
+                parts.append(f"{common.short(100 * share)} % of the error remains with {r['renderer']}")
         seconds = next(r["seconds"] for r in result["rows"] if r["problem"] == name)
         lines.append(f"- A fit of {seconds:g} s, {TITLES[name]}: {', '.join(parts)}.")
     return lines

@@ -156,22 +156,25 @@ def report(result, folder):
 
     head = ["derivative", "softray", "softray, the paper's softmax", "`prb_projective`", "`prb_projective`, guided", "`prb`"]
     worst = max(result["error of truth"][n] for n in names)
-    text = "The derivative by one number of Σ weights·image, of 64 × 64 pixels with a box filter; the weights are the derivative image's "
-    text += "own means over 8 × 8 pixels. The truth is central differences of Mitsuba's `path`, known to "
-    text += f"{percent(worst)} or better; of the cube it is the closed form. The softmax has σ = {result['sigma']:g}, γ = 1e-3.\n\n"
-    text += "Bias: the mean over the truth − 1, with the standard error of the mean (add the truth's):\n\n"
+    text = "The tables are about the derivative of Σ weights·image with respect to one number. The image has 64 × 64 pixels and a box "
+    text += "filter. The weights are the derivative image's own means over 8 × 8 pixels. The truth is a central difference of Mitsuba's "
+    text += f"`path`, known to {percent(worst)} or better. For the cube it is the closed form. The softmax has σ = {result['sigma']:g}, "
+    text += "γ = 1e-3.\n\nBias: the ratio of the mean to the truth, minus 1, with the standard error of the mean. The error of the truth "
+    text += "adds to it:\n\n"
     text += common.table(head, rows("scalar", bias))
-    text += "\nNoise × √seconds: the standard deviation of the mean of a second of estimates, over the truth, and in brackets the "
-    text += f"range over three runs, thirds of the seeds; of fewer than {FEW} estimates it is told from series of fewer samples:\n\n"
+    text += "\nNoise × √seconds: the standard deviation of the mean of one second of estimates, divided by the truth. The brackets show "
+    text += f"the range over three runs, which are thirds of the seeds. With fewer than {FEW} estimates, the noise is extrapolated from "
+    text += "all of the renderer's series, which have different numbers of samples:\n\n"
     text += common.table(head, rows("scalar", noise))
-    text += "\nError (RMSE) after a second, of the mean of as many estimates as fit; none is told to be less than the truth's own:\n\n"
+    text += "\nError (RMSE) after one second, of the mean of as many estimates as fit. The error of the truth is the lower limit of the "
+    text += "listed errors. “none” means that a single estimate takes longer:\n\n"
     text += common.table(head, rows("scalar", error("error of truth", 1.0)))
     text += "\nError after ten seconds:\n\n"
     text += common.table(head, rows("scalar", error("error of truth", 10.0)))
     image = [r for r in RENDERERS if r[2]]
     renderers = [r[0] for r in image]
-    text += "\nDerivative images: all 64 blocks of 8 × 8 pixels at once, error over the norm of the truth after a second. "
-    text += "Mitsuba has a forward mode; softray has none, so each block is a backward pass of its own:\n\n"
+    text += "\nDerivative images, with all 64 blocks of 8 × 8 pixels at once: the error after one second, divided by the norm of the "
+    text += "truth. Mitsuba has a forward mode. softray has none, so each block needs its own backward pass:\n\n"
     text += common.table(["derivative image", "softray", "`prb_projective`"], rows("image", error("error of truth, image", 1.0)))
     plot(result, by, names, folder)
     text += "\n![Error of gradients over time](peers_gradients.png)\n"
@@ -227,7 +230,7 @@ def summary(result):
     by = {(r["case"], r["renderer"]): r for r in result["rows"]}
     names = list(dict.fromkeys(r["case"] for r in result["rows"]))
     lines = []
-    for kind, floor, what in (("scalar", "error of truth", "a scalar's"), ("image", "error of truth, image", "a derivative image's")):
+    for kind, floor, what in (("scalar", "error of truth", "a scalar derivative"), ("image", "error of truth, image", "a derivative image")):
         ratios = {}
         for name in names:
             both = [by.get((name, r), {}).get(kind) for r in ("softray", "Mitsuba prb_projective")]
@@ -240,10 +243,10 @@ def summary(result):
             continue
         least, most = min(ratios, key=ratios.get), max(ratios, key=ratios.get)
         lines.append(
-            f"- At equal time {what} error by Mitsuba's `prb_projective` is {common.short(ratios[least])} times softray's "
-            f"({result['titles'][least]}) to {common.short(ratios[most])} times ({result['titles'][most]}), the median of "
-            f"{len(ratios)} derivatives {common.short(float(np.median(list(ratios.values()))))} times."
-            + (" Under 1 softray loses." if ratios[least] < 1 else "")
+            f"- At equal time, the error of {what} from Mitsuba's `prb_projective` is {common.short(ratios[least])} times softray's "
+            f"({result['titles'][least]}) to {common.short(ratios[most])} times ({result['titles'][most]}). The median of "
+            f"{len(ratios)} derivatives is {common.short(float(np.median(list(ratios.values()))))} times."
+            + (" Below 1, softray has the larger error." if ratios[least] < 1 else "")
         )
     return lines
 

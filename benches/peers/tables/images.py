@@ -75,11 +75,12 @@ def section(result, kind):
 
 
 def report(result, folder):
-    text = f"Noise × √seconds of an image of {result['size']} × {result['size']} pixels with a box filter, over its mean: the root "
-    text += f"of the mean variance of a pixel's channel over {result['seeds']} seeds, by as many images as a second has. In brackets over "
-    text += "that of Mitsuba's best sampler of four at as many samples: less than 1 is less noise.\n\n"
+    text = "The table lists noise × √seconds, divided by the mean of the image. It is the noise of the mean of one second of images. The "
+    text += f"images have {result['size']} × {result['size']} pixels and a box filter. The noise is the square root of the mean variance of a "
+    text += f"pixel's channel over {result['seeds']} seeds. The numbers in brackets are relative to the best of four samplers of Mitsuba at "
+    text += "the same number of samples. Below 1, softray has less noise.\n\n"
     text += section(result, "noise")
-    text += "\nThe same of values clipped to [0, 1], in which bright lamps and fireflies count for no more than white:\n\n"
+    text += "\nThe same for values clipped to [0, 1], in which bright lamps and fireflies count no more than white:\n\n"
     return text + section(result, "clipped")
 
 
@@ -94,7 +95,7 @@ def summary(result):
         if ratios:
             middle = common.short(float(np.median(ratios)))
             lines.append(
-                f"- At equal time an image's noise{what} is {common.short(min(ratios))} to {common.short(max(ratios))} times "
-                f"that of Mitsuba's best sampler, the median of {len(ratios)} {middle} times."
+                f"- At equal time, the noise of an image{what} is {common.short(min(ratios))} to {common.short(max(ratios))} times "
+                f"the noise of Mitsuba's best sampler. The median of {len(ratios)} cases is {middle} times."
             )
     return lines

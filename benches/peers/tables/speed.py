@@ -49,7 +49,7 @@ COLUMNS = [
     ("softray, image", "softray", False),
     ("Mitsuba `path`", "Mitsuba path", False),
     ("softray, gradients", "softray", True),
-    ("Mitsuba `prb`, no jumps", "Mitsuba prb", True),
+    ("Mitsuba `prb`, no boundary terms", "Mitsuba prb", True),
     ("Mitsuba `prb_projective`", "Mitsuba prb_projective", True),
 ]
 
@@ -66,14 +66,14 @@ def report(result, folder):
             rows.append([label, f"{triangles:,}", bounces, *(value(c) if c else "–" for c in cells)])
         return common.table(["scene", "triangles", "bounces", *(c[0] for c in COLUMNS)], rows)
 
-    text = f"{result['size']} × {result['size']} pixels of {result['samples']} samples; gradients are those of Σ image² by all "
-    text += "vertices. Median and half the spread of three processes. softray's gradients hold the jumps at edges, "
-    text += "`prb`'s do not.\n\nMillions of paths a second, steady state:\n\n"
+    text = f"The images have {result['size']} × {result['size']} pixels and {result['samples']} samples. The gradients are the derivatives "
+    text += "of Σ image² with respect to all vertices. The tables list the median and half the spread of three processes. softray's "
+    text += "gradients include the boundary terms at edges, `prb`'s do not.\n\nMillions of paths per second in steady state:\n\n"
     text += section(lambda r: common.spread(r["millions of paths a second"]))
-    text += "\nSeconds from the start of a process to its first result, with nothing compiled before, and (in brackets) "
-    text += "with kernels that an earlier process left on the disk; without reading the scene:\n\n"
+    text += "\nSeconds from the start of a process to its first result, without reading the scene. The first number is for a process "
+    text += "with nothing compiled before. The number in brackets is for a process with kernels that an earlier one left on the disk:\n\n"
     text += section(lambda r: f"{common.short(r['first result, cold'])} ({common.short(r['first result, warm'][0])})")
-    text += "\nPeak memory of a process, megabytes:\n\n"
+    text += "\nPeak memory of a process in megabytes:\n\n"
     text += section(lambda r: common.short(r["megabytes"][0], 3))
     return text
 
@@ -86,16 +86,17 @@ def summary(result):
 
     lines = []
     for theirs, backward, what in (
-        ("Mitsuba path", False, "An image"),
-        ("Mitsuba prb", True, "An image with gradients, beside `prb` without the jumps,"),
-        ("Mitsuba prb_projective", True, "An image with gradients, beside `prb_projective`,"),
+        ("Mitsuba path", False, "images at {} times the speed of Mitsuba's `path`"),
+        ("Mitsuba prb", True, "images with gradients at {} times the speed of Mitsuba's `prb`, which has no boundary terms"),
+        ("Mitsuba prb_projective", True, "images with gradients at {} times the speed of Mitsuba's `prb_projective`"),
     ):
         found = ratios("softray", theirs, backward)
         if found:
-            lines.append(f"- {what} is traced at {common.short(found[0])} to {common.short(found[-1])} times Mitsuba's speed.")
+            speeds = f"{common.short(found[0])} to {common.short(found[-1])}"
+            lines.append(f"- softray renders {what.format(speeds)}.")
     first = [(r["renderer"], r["first result, cold"]) for r in result["rows"] if r["backward"]]
     ends = {n: [t for r, t in first if r == n] for n in ("softray", "Mitsuba prb_projective")}
     if all(ends.values()):
         ours, theirs = (f"{common.short(min(e))} to {common.short(max(e))} s" for e in ends.values())
-        lines.append(f"- The first gradient of a process comes after {ours}, with Mitsuba's `prb_projective` after {theirs}.")
+        lines.append(f"- The first gradient of a process is ready after {ours}, and with Mitsuba's `prb_projective` after {theirs}.")
     return lines

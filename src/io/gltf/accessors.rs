@@ -1,5 +1,5 @@
-//! Arrays of numbers, read where they lie in their buffers (glTF 2.0, section 3.6.2): an array takes no memory,
-//! whatever it claims to hold.
+//! Arrays of numbers, read in place from their buffers (glTF 2.0, section 3.6.2). An array takes no memory, whatever
+//! size it declares.
 
 use bytes::Bytes;
 
@@ -8,7 +8,7 @@ use super::fields::Fields;
 use crate::error::Result;
 use crate::io::numbers::Kind;
 
-/// The kind of an array's numbers, which OpenGL has numbers for.
+/// Returns the type of an array's numbers, which the file gives as an OpenGL constant.
 fn component(json: &Fields) -> Result<Kind> {
     let path = "componentType";
     Ok(match json.required(path)? {
@@ -33,18 +33,18 @@ pub(super) struct Accessor {
     pub width: usize,
     component: Kind,
     normalized: bool,
-    /// None where all is 0.
+    /// `None` if all numbers are 0.
     base: Option<Strided>,
     sparse: Option<Sparse>,
 }
 
-/// Rows at equal distances.
+/// Rows with a constant stride.
 struct Strided {
     bytes: Bytes,
     stride: usize,
 }
 
-/// Rows that differ from the base, by increasing number.
+/// Rows that differ from the base, in order of their indices.
 struct Sparse {
     count: usize,
     index: Kind,
@@ -53,7 +53,7 @@ struct Sparse {
 }
 
 impl Document<'_> {
-    /// The bytes of a buffer's view.
+    /// Returns the bytes of a buffer view.
     pub fn view(&self, index: usize, place: &str) -> Result<Bytes> {
         let json = self.fields(&self.root.buffer_views, index, place, "bufferViews")?;
         let buffer = json.required("buffer")?;
@@ -74,7 +74,7 @@ impl Document<'_> {
         }
     }
 
-    /// An accessor all of whose rows lie in their views.
+    /// Returns an accessor. Rows that do not lie in their views are an error.
     pub fn accessor(&self, index: usize, place: &str) -> Result<Accessor> {
         let json = self.fields(&self.root.accessors, index, place, "accessors")?;
         let component = component(&json)?;
@@ -96,7 +96,7 @@ impl Document<'_> {
                 Some(self.strided(&json, [claimed, size as u64, stride])?)
             }
             None => {
-                // Rows of zeros that nothing stands for: not more than the file has bytes.
+                // Rows of zeros have no data. Their number must not exceed the bytes of the buffers.
                 let most: usize = self.buffers.iter().map(|b| b.len()).sum();
                 let message = format_args!("is {claimed} without a bufferView in {most} bytes");
                 let valid = claimed <= most as u64;
@@ -130,10 +130,10 @@ impl Document<'_> {
         }))
     }
 
-    /// The distance between rows of a size.
+    /// Returns the stride of rows of `size` bytes.
     fn stride(&self, view: usize, size: usize, place: String) -> Result<u64> {
         let json = self.fields(&self.root.buffer_views, view, place, "bufferViews")?;
-        // Some files say 0 for rows without gaps.
+        // Some files set 0 for rows without gaps.
         let given = json.get("byteStride")?.filter(|&s| s > 0);
         let stride = given.unwrap_or(size);
         let message =
@@ -142,7 +142,7 @@ impl Document<'_> {
         Ok(stride as u64)
     }
 
-    /// Rows of the view of an object: a number of them, their size and their distance.
+    /// Returns rows in the view of an object, by their count, size and stride.
     fn strided(&self, json: &Fields, [count, size, stride]: [u64; 3]) -> Result<Strided> {
         let view = json.required("bufferView")?;
         let bytes = self.view(view, &json.at("bufferView"))?;
@@ -176,7 +176,7 @@ impl Document<'_> {
 }
 
 impl Accessor {
-    /// A row's first numbers, 0 where it has fewer.
+    /// Returns the first numbers of a row, padded with 0.
     pub fn row<const N: usize>(&self, row: usize) -> [f64; N] {
         let place = self.place(row);
         std::array::from_fn(|i| match place {
@@ -185,19 +185,19 @@ impl Accessor {
         })
     }
 
-    /// A row's first number as it is.
+    /// Returns the first number of a row as an integer.
     pub fn index(&self, row: usize) -> u32 {
         self.place(row)
             .map_or(0, |bytes| self.component.number(bytes) as u32)
     }
 
-    /// Whether its numbers may be indices.
+    /// Returns whether the numbers can be indices.
     pub fn is_index(&self) -> bool {
         use Kind::{U8, U16, U32};
         self.width == 1 && matches!(self.component, U8 | U16 | U32)
     }
 
-    /// The bytes of a row, None where it is 0.
+    /// Returns the bytes of a row, `None` if the row is 0.
     fn place(&self, row: usize) -> Option<&[u8]> {
         let replaced = self.sparse.as_ref().and_then(|s| Some((s, s.find(row)?)));
         let (from, row) = match replaced {
@@ -207,7 +207,7 @@ impl Accessor {
         from.bytes.get(row * from.stride..)
     }
 
-    /// A number of a row: integers that are normalised stand for [0, 1] or [−1, 1].
+    /// Returns a number of a row. Normalized integers are scaled to [0, 1] or [−1, 1].
     fn number(&self, row: &[u8], i: usize) -> f64 {
         let kind = self.component;
         let value = kind.number(row.get(i * kind.size()..).unwrap_or(&[]));
@@ -219,7 +219,7 @@ impl Accessor {
 }
 
 impl Sparse {
-    /// Where the values of a row stand, if it differs from the base.
+    /// Returns the position of a row's values, if the row differs from the base.
     fn find(&self, row: usize) -> Option<usize> {
         let at = |i: usize| {
             let bytes = self.indices.bytes.get(i * self.indices.stride..);

@@ -1,4 +1,4 @@
-//! Bytes that a file has, or names.
+//! Bytes that a file contains or refers to.
 
 use std::collections::HashMap;
 use std::fmt::Display;
@@ -12,13 +12,14 @@ use super::Document;
 use crate::error::Result;
 use crate::io::limits::read_bytes;
 
-/// Where a URI leads.
+/// The target of a URI.
 pub(super) enum Target {
     Data(Vec<u8>),
     File(PathBuf),
 }
 
-/// The bytes of all buffers, and how many of them are in other files; a file is read once however many buffers name it.
+/// Returns the bytes of all buffers, and the total size of the other files that were read. A file is read once,
+/// however many buffers refer to it.
 pub(super) fn load(document: &Document, binary: Option<Bytes>) -> Result<(Vec<Bytes>, u64)> {
     let mut files: HashMap<PathBuf, Bytes> = HashMap::new();
     let all = &document.root.buffers;
@@ -36,7 +37,7 @@ pub(super) fn load(document: &Document, binary: Option<Bytes>) -> Result<(Vec<By
             (Some(uri), _) => match document.target(uri, place)? {
                 Target::Data(data) => data.into(),
                 Target::File(file) => {
-                    // Whatever way leads to it.
+                    // One file may have several paths.
                     let key = file.canonicalize().unwrap_or_else(|_| file.clone());
                     match files.get(&key) {
                         Some(read) => read.clone(),
@@ -59,7 +60,7 @@ pub(super) fn load(document: &Document, binary: Option<Bytes>) -> Result<(Vec<By
 }
 
 impl Document<'_> {
-    /// The file that a URI names, or the data that it is.
+    /// Returns the file that a URI refers to, or the data that it contains.
     pub fn target(&self, uri: &str, place: impl Display) -> Result<Target> {
         let place = format!("{place}.uri");
         if let Some(data) = uri.strip_prefix("data:") {
@@ -73,7 +74,7 @@ impl Document<'_> {
             let data = data.ok_or_else(|| self.fail(place, "is data that is no base64"))?;
             return Ok(Target::Data(data));
         }
-        // A letter alone may be a disk.
+        // A single letter may be a drive.
         let scheme = uri.split_once(':').map(|(scheme, _)| scheme);
         let letters = |s: &&str| s.len() > 1 && s.chars().all(|c| c.is_ascii_alphanumeric());
         if let Some(scheme) = scheme.filter(letters) {
@@ -88,7 +89,7 @@ impl Document<'_> {
     }
 }
 
-/// The bytes of base64 (RFC 4648), or None where it is malformed. Padding may be missing.
+/// Decodes base64 (RFC 4648); the result is `None` if it is malformed. Padding may be missing.
 fn base64(text: &str) -> Option<Vec<u8>> {
     let mut lenient = BASE64_NOPAD.specification();
     lenient.check_trailing_bits = false;

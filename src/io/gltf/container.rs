@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-/// The bytes of JSON in a file, and those of its binary chunk if it has one. A file that is no container is
-/// JSON as a whole.
+/// Returns the range of the JSON in a file, and the range of its binary chunk if it has one. A file that is not a
+/// container is all JSON.
 pub(super) fn split(bytes: &[u8]) -> Result<(Range<usize>, Option<Range<usize>>), String> {
     if !bytes.starts_with(b"glTF") {
-        // Behind a byte-order mark.
+        // Skips a byte-order mark.
         let start = if bytes.starts_with(&[0xef, 0xbb, 0xbf]) {
             3
         } else {
@@ -19,7 +19,7 @@ pub(super) fn split(bytes: &[u8]) -> Result<(Range<usize>, Option<Range<usize>>)
         return Err(format!("its version is {version}, expected 2"));
     }
     let json = chunk(bytes, 12, b"JSON")?;
-    // Padding belongs to a chunk and its length. Some writers leave it out of the length, others leave it out.
+    // A chunk and its length include padding. Some writers do not count it in the length, others do not write it.
     let is_binary = |&at: &usize| bytes.get(at + 4..at + 8) == Some(b"BIN\0");
     let padded = json.end.next_multiple_of(4);
     let next = Some(json.end).filter(is_binary).unwrap_or(padded);
@@ -30,7 +30,7 @@ pub(super) fn split(bytes: &[u8]) -> Result<(Range<usize>, Option<Range<usize>>)
     Ok((json, binary))
 }
 
-/// The contents of the chunk at a byte.
+/// Returns the range of the contents of the chunk that starts at byte `at`.
 fn chunk(bytes: &[u8], at: usize, kind: &[u8; 4]) -> Result<Range<usize>, String> {
     let name = String::from_utf8_lossy(&kind[..]).replace('\0', "");
     let length = number(bytes, at).ok_or(format!("it ends before the chunk {name}"))?;
@@ -71,7 +71,7 @@ mod tests {
         bytes
     }
 
-    /// As others read it: the binary chunk follows at once, or behind padding that no length counts.
+    /// As in other readers, the binary chunk follows immediately, or after padding that no length includes.
     #[test]
     fn chunks_without_padding_are_read() {
         let close = file(&[(b"JSON", b"{ }"), (b"BIN\0", b"abcd")]);
@@ -94,7 +94,7 @@ mod tests {
         assert_eq!(split(b"{}"), Ok((0..2, None)));
         for length in 4..both.len() {
             let cut = split(&both[..length]);
-            // Where the first chunk ends the file may, too.
+            // The file may end after the first chunk.
             assert_eq!(cut.is_ok(), length == 24, "{length}: {cut:?}");
         }
     }

@@ -1,9 +1,9 @@
-//! The extensions of a file: which are read, which may be left out, and which may not.
+//! The extensions of a file: which are read, which may be ignored, and which are errors.
 
 use super::Document;
 use crate::error::Result;
 
-/// Extensions whose fields are read, or that change nothing here.
+/// Extensions whose fields are read, or that have no effect here.
 const READ: [&str; 11] = [
     "EXT_texture_webp",
     "KHR_lights_punctual",
@@ -18,8 +18,8 @@ const READ: [&str; 11] = [
     "KHR_xmp_json_ld",
 ];
 
-/// What extensions are about that leave a picture of the right shape when they are left out, as the second word of
-/// their names has it: `KHR_materials_clearcoat`, `EXT_lights_image_based`.
+/// Subjects of extensions that do not change shapes and may be ignored. The subject is the second word of a name such
+/// as `KHR_materials_clearcoat` or `EXT_lights_image_based`.
 const REFINES: [&str; 13] = [
     "animation",
     "audio",
@@ -45,10 +45,10 @@ const COMPRESSIONS: [(&str, &str); 4] = [
 ];
 
 impl Document<'_> {
-    /// Notes what is not read.
+    /// Adds the extensions that are not read to the warnings.
     ///
     /// # Errors
-    /// If the file requires an extension without which its shapes are others.
+    /// If the file requires an extension that is not read and may change shapes.
     pub(super) fn check_extensions(&self) -> Result<()> {
         for (i, name) in self.root.extensions_required.iter().enumerate() {
             let place = format!("extensionsRequired[{i}]");
@@ -77,7 +77,7 @@ fn is_read(name: &str) -> bool {
     READ.contains(&name)
 }
 
-/// Whether an extension only refines what is there without it.
+/// Returns whether an extension may be ignored without changing shapes.
 fn refines(name: &str) -> bool {
     let second = name.split('_').nth(1);
     second.is_some_and(|second| REFINES.contains(&second))

@@ -1,4 +1,4 @@
-//! Objects of JSON, each field of which is read by its path where it is used.
+//! JSON objects. Each field is read by its path where it is used.
 
 use serde::Deserialize;
 use serde_json::Value;
@@ -6,14 +6,14 @@ use serde_json::Value;
 use super::Document;
 use crate::error::{Error, Result};
 
-/// An object of a file, and its place there.
+/// A JSON object of a file, and its place in the file.
 pub(super) struct Fields<'a> {
     pub document: &'a Document<'a>,
     pub json: &'a Value,
     pub place: String,
 }
 
-/// What a number may be.
+/// The valid range of a number.
 #[derive(Clone, Copy)]
 pub(super) enum Range {
     Unit,
@@ -22,7 +22,7 @@ pub(super) enum Range {
 }
 
 impl Range {
-    /// A number that is in it; those of files are rounded.
+    /// Returns the number if it is in the range. [`Range::Unit`] allows for rounding and clamps the number.
     fn limit(self, value: f32) -> Option<f32> {
         let (valid, limited) = match self {
             Self::Unit => ((value - 0.5).abs() <= 0.5 + 1e-6, value.clamp(0.0, 1.0)),
@@ -42,12 +42,13 @@ impl Range {
 }
 
 impl<'a> Fields<'a> {
-    /// The place of a field.
+    /// Returns the place of a field.
     pub fn at(&self, path: &str) -> String {
         format!("{}.{path}", self.place)
     }
 
-    /// A field by its path, such as `spot.innerConeAngle`; null where it, or what it is in, is not there.
+    /// Returns a field by its path, such as `spot.innerConeAngle`. The result is null if the field or its parent is
+    /// missing.
     pub fn value(&self, path: &str) -> Result<&'a Value> {
         let mut json = self.json;
         for name in path.split('.') {
@@ -63,7 +64,7 @@ impl<'a> Fields<'a> {
         Ok(json)
     }
 
-    /// The object that a field is.
+    /// Returns the object in a field.
     pub fn within(&self, path: &str) -> Result<Self> {
         Ok(Self {
             document: self.document,
@@ -72,31 +73,31 @@ impl<'a> Fields<'a> {
         })
     }
 
-    /// The value of a field; None where it is not there.
+    /// Returns the value of a field, `None` if it is missing.
     pub fn get<T: Deserialize<'a>>(&self, path: &str) -> Result<Option<T>> {
         let found = Option::<T>::deserialize(self.value(path)?);
         let malformed = |e| format!("{}: {e}", self.at(path));
         found.map_err(|e| Error::format(self.document.path, malformed(e)))
     }
 
-    /// The value of a field that has to be there.
+    /// Returns the value of a required field.
     pub fn required<T: Deserialize<'a>>(&self, path: &str) -> Result<T> {
         let missing = || self.document.fail(self.at(path), "is not there");
         self.get(path)?.ok_or_else(missing)
     }
 
-    /// A number in a range, or what it is where the field is not there.
+    /// Returns a number in a range, or the default if the field is missing.
     pub fn number(&self, path: &str, default: f32, range: Range) -> Result<f64> {
         let [value] = self.check(path, [self.get(path)?.unwrap_or(default)], range)?;
         Ok(value)
     }
 
-    /// Three numbers as [`Self::number`].
+    /// Returns three numbers, like [`Self::number`].
     pub fn three(&self, path: &str, default: [f32; 3], range: Range) -> Result<[f64; 3]> {
         self.check(path, self.get(path)?.unwrap_or(default), range)
     }
 
-    /// Numbers of a field, which have to be in a range.
+    /// Returns the numbers of a field; one out of range is an error.
     pub fn check<const N: usize>(
         &self,
         path: &str,

@@ -1,4 +1,4 @@
-//! Materials and the images that they name.
+//! Reads materials and images.
 
 use serde_json::Value;
 
@@ -12,14 +12,14 @@ use crate::io::description::{
 };
 use crate::scene::Wrap;
 
-/// A material, and where its textures are looked up.
+/// A material, and the coordinates of its textures.
 pub(super) struct Material {
     pub description: MaterialDescription,
-    /// None without textures.
+    /// `None` without textures.
     pub coordinates: Option<Coordinates>,
 }
 
-/// Texture coordinates of glTF: a set of them, and their transform (KHR_texture_transform).
+/// Texture coordinates of glTF: the index of the set, and a transform (KHR_texture_transform).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Coordinates {
     pub set: u32,
@@ -29,7 +29,7 @@ pub(super) struct Coordinates {
 }
 
 impl Coordinates {
-    /// A point in coordinates whose v grows upwards.
+    /// Transforms coordinates of glTF to coordinates whose v points up.
     pub fn apply(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let (sin, cos) = f64::from(self.rotation).sin_cos();
         let [x, y] = [0, 1].map(|i| f64::from(self.scale[i]) * [u, v][i]);
@@ -41,13 +41,13 @@ impl Coordinates {
     }
 }
 
-/// All materials of a file.
+/// Returns all materials of a file.
 pub(super) fn materials(document: &Document) -> Result<Vec<Material>> {
     let count = document.root.materials.len();
     (0..count).map(|i| material(document, i)).collect()
 }
 
-/// All images of a file. Data is decoded from base64 here, pictures when they are first used.
+/// Returns all images of a file. Base64 is decoded here, and pixels are decoded at their first use.
 pub(super) fn images(document: &Document) -> Result<Vec<ImageSource>> {
     let all = &document.root.images;
     let images = (0..all.len()).map(|i| {
@@ -102,7 +102,7 @@ fn material(document: &Document, index: usize) -> Result<Material> {
     let texture = textures.of(&json, "emissiveTexture")?;
     description.emission = Colour::times(emission.map(|v| v * strength), texture);
     if texture.is_some() {
-        // Without the texture that says where a surface shines, all of it would.
+        // If the texture cannot be read, the surface must not emit everywhere.
         description.emission.plain = [0.0; 3];
     }
     let normal = textures.of(&json, "normalTexture")?;
@@ -116,12 +116,12 @@ fn material(document: &Document, index: usize) -> Result<Material> {
     })
 }
 
-/// The extensions of a material.
+/// Reads the extensions of a material.
 fn extend(description: &mut MaterialDescription, json: &Fields) -> Result<()> {
     let at = |path: &str| format!("extensions.KHR_materials_{path}");
     let number = |path: &str, default, range| json.number(&at(path), default, range);
     let has = |path: &str| Result::Ok(!json.value(&at(path))?.is_null());
-    // 0 stands for a surface that reflects all.
+    // 0 means that the surface reflects all light.
     description.ior = number("ior.ior", 1.5, NotNegative)?;
     description.transmission = number("transmission.transmissionFactor", 0.0, Unit)?;
     if has("transmission.transmissionTexture")? {
@@ -142,7 +142,7 @@ fn extend(description: &mut MaterialDescription, json: &Fields) -> Result<()> {
     Ok(())
 }
 
-/// What this crate has written of a BSDF. What others keep in `extras` is theirs.
+/// Reads the BSDF that this crate writes to `extras.softray`. Other content of `extras` is ignored.
 fn extras(
     description: &mut MaterialDescription,
     json: &Fields,
@@ -174,12 +174,12 @@ fn extras(
 /// The textures of one material.
 struct Textures<'a> {
     document: &'a Document<'a>,
-    /// Where the first one is looked up.
+    /// The coordinates of the first texture.
     coordinates: Option<Coordinates>,
 }
 
 impl Textures<'_> {
-    /// A texture, unless it is looked up elsewhere than others of the material.
+    /// Returns a texture. Textures with other coordinates than the material's first texture are left out.
     fn of(&mut self, material: &Fields, path: &str) -> Result<Option<TextureUse>> {
         let document = self.document;
         let info = material.within(path)?;
@@ -199,7 +199,7 @@ impl Textures<'_> {
         let field = path.rsplit('.').next().unwrap_or(path);
         let json = document.fields(&root.textures, index, &info.place, "textures")?;
         let webp = json.get("extensions.EXT_texture_webp.source")?;
-        // Where there is one in glTF's own formats, that of the extension is the same.
+        // An image in one of glTF's own formats is preferred; the image of the extension is the same.
         let Some(image) = json.get("source")?.or(webp) else {
             document.skip("textures without a source in PNG, JPEG or WebP");
             return Ok(None);

@@ -1,4 +1,4 @@
-//! Meshes: triangles of primitives, with vertices that are at one place joined again.
+//! Reads meshes: the triangles of primitives, with vertices at the same position joined again.
 
 use std::collections::HashMap;
 
@@ -12,7 +12,7 @@ use super::schema::{Mesh, Primitive};
 use crate::error::Result;
 use crate::io::description::MeshDescription;
 
-/// How triangles are made of corners.
+/// How corners form triangles.
 #[derive(Clone, Copy, PartialEq)]
 enum Mode {
     Triangles,
@@ -21,7 +21,7 @@ enum Mode {
 }
 
 impl Mode {
-    /// The one of a primitive, None for points and lines.
+    /// Returns the mode of a primitive, `None` for points and lines.
     fn of(primitive: &Primitive) -> Option<Self> {
         match primitive.mode {
             None | Some(4) => Some(Self::Triangles),
@@ -31,7 +31,7 @@ impl Mode {
         }
     }
 
-    /// Triangles of a number of corners.
+    /// Returns the number of triangles that `corners` corners form.
     fn triangles(self, corners: u64) -> u64 {
         match self {
             Self::Triangles => corners / 3,
@@ -39,7 +39,7 @@ impl Mode {
         }
     }
 
-    /// The corners of a triangle.
+    /// Returns the corners of triangle `t`.
     fn corners(self, t: usize) -> [usize; 3] {
         match self {
             Self::Triangles => [3 * t, 3 * t + 1, 3 * t + 2],
@@ -50,7 +50,7 @@ impl Mode {
     }
 }
 
-/// The most triangles that a mesh has: as many as its primitives' numbers of corners allow.
+/// Returns an upper bound of the number of triangles of a mesh, from its primitives' numbers of corners.
 pub(super) fn most_triangles(document: &Document, mesh: &Mesh) -> u64 {
     let of = |primitive: &Primitive| {
         let corners = primitive.indices.or_else(|| position(primitive));
@@ -63,8 +63,8 @@ pub(super) fn most_triangles(document: &Document, mesh: &Mesh) -> u64 {
     each.fold(0, u64::saturating_add)
 }
 
-/// A mesh. glTF splits vertices where any attribute has a seam; those at one place become one here, so that a
-/// surface is closed where it was.
+/// Reads a mesh. glTF splits vertices where any attribute has a seam. Vertices at the same position are joined here,
+/// so that a closed surface stays closed.
 pub(super) fn mesh(
     document: &Document,
     index: usize,
@@ -93,15 +93,15 @@ pub(super) fn mesh(
 struct Builder<'a> {
     document: &'a Document<'a>,
     mesh: MeshDescription,
-    /// The vertex at each place, by its bits.
+    /// The vertex at each position, by the bits of the position.
     at: HashMap<[u64; 3], u32>,
-    /// Which attributes any primitive has: the others get theirs, too.
+    /// Attributes that any primitive has. Primitives without them get default values.
     normals: bool,
     uvs: bool,
     colours: bool,
 }
 
-/// The arrays of a primitive.
+/// The arrays that a primitive refers to.
 struct Arrays {
     positions: Accessor,
     indices: Option<Accessor>,
@@ -111,7 +111,7 @@ struct Arrays {
     tangents: Option<Accessor>,
 }
 
-/// Where a vertex of a primitive went: its place, and its rows of attributes.
+/// The vertex of the mesh for a vertex of a primitive, and its row in each attribute.
 #[derive(Clone, Copy)]
 struct Rows {
     place: u32,
@@ -160,7 +160,7 @@ impl<'a> Builder<'a> {
             };
             let [a, b, c] = vertices;
             if mode == Mode::Strip && (a == b || b == c || a == c) {
-                // Strips go on by triangles without area.
+                // Strips contain triangles without area to continue elsewhere.
                 continue;
             }
             if let Some(c) = vertices
@@ -241,7 +241,7 @@ impl<'a> Builder<'a> {
         let normals = attribute("NORMAL", &[3])?;
         let tangents = attribute("TANGENT", &[4])?;
         Ok(Arrays {
-            // Those of flat faces would be others.
+            // Without normals, faces are flat, and their tangents would differ.
             tangents: tangents.filter(|_| normals.is_some()),
             normals,
             uvs: uvs.map(|uvs| (uvs, coordinates)),
@@ -251,10 +251,10 @@ impl<'a> Builder<'a> {
         })
     }
 
-    /// Adds a vertex of a primitive, with the attributes that it has.
+    /// Adds a vertex of a primitive with its attributes.
     fn vertex(&mut self, arrays: &Arrays, index: usize) -> Rows {
         let mesh = &mut self.mesh;
-        // −0 is the place that 0 is.
+        // Turns −0 into 0, which is the same position.
         let position = arrays.positions.row::<3>(index).map(|v| v + 0.0);
         let next = mesh.positions.len() as u32;
         let place = *self.at.entry(position.map(f64::to_bits)).or_insert(next);
@@ -275,7 +275,7 @@ impl<'a> Builder<'a> {
             place,
             normal: normal.map_or(0, |n| mesh.normals.push(n)),
             tangent: tangent.map_or(0, |t| mesh.tangents.push(t)),
-            // Those of a primitive that has none count for nothing.
+            // Primitives without coordinates get zeros as placeholders.
             uv: if self.uvs {
                 mesh.uvs.push(uv.unwrap_or([0.0; 2]))
             } else {
@@ -299,7 +299,7 @@ impl<'a> Builder<'a> {
         if self.colours {
             mesh.colours.faces.push(corners.map(|c| c.colour));
         }
-        // Where a primitive has none, those of the mesh are made.
+        // If any primitive has no tangents, the tangents of the whole mesh are computed instead.
         if arrays.tangents.is_some() {
             mesh.tangents.faces.push(corners.map(|c| c.tangent));
         }

@@ -1,7 +1,7 @@
-//! glTF 2.0 files, `.gltf` and `.glb`, as descriptions.
+//! Reads glTF 2.0 files, `.gltf` and `.glb`, into descriptions.
 //!
-//! References are numbers that are checked where they are followed: what no node needs is not looked at, and
-//! arrays are read where they lie in their buffers.
+//! References are indices, checked where they are followed. Meshes, cameras, lights and accessors that no node uses
+//! are not checked. Arrays are read in place from their buffers.
 
 mod accessors;
 mod buffers;
@@ -27,7 +27,7 @@ use super::limits::{parse_json, read_bytes};
 use super::notes::Notes;
 use crate::error::{Error, Result};
 
-/// Reads a file, with the buffers that it names.
+/// Reads a file and its buffers.
 pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
     let bytes = Bytes::from(read_bytes(path, limits)?);
     let (json, binary) = container::split(&bytes).map_err(|m| Error::format(path, m))?;
@@ -52,24 +52,24 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
     })
 }
 
-/// A file whose buffers are read.
+/// A parsed file with its buffers.
 struct Document<'a> {
     path: &'a Path,
     limits: &'a LoadLimits,
     root: Root,
     buffers: Vec<Bytes>,
-    /// Of the file and the files of its buffers.
+    /// The size of the file and the files of its buffers.
     bytes: u64,
     notes: Notes,
 }
 
 impl Document<'_> {
-    /// An error about a place in the file.
+    /// Returns an error about a place in the file.
     fn fail(&self, place: impl Display, message: impl Display) -> Error {
         Error::format(self.path, format!("{place} {message}"))
     }
 
-    /// Nothing, or else an error about a place in the file.
+    /// Returns an error about a place in the file unless `valid`.
     fn unless(&self, valid: bool, place: impl Display, message: impl Display) -> Result<()> {
         match valid {
             true => Ok(()),
@@ -77,12 +77,12 @@ impl Document<'_> {
         }
     }
 
-    /// Notes what would change the picture and is not read.
+    /// Adds a part that would change the picture and is not read to the warnings.
     fn skip(&self, what: impl Into<String>) {
         self.notes.part("these parts are not read", what);
     }
 
-    /// The element of a list that a field refers to.
+    /// Returns the element of a list that a field refers to.
     fn get<'b, T>(
         &self,
         list: &'b [T],
@@ -97,7 +97,7 @@ impl Document<'_> {
         })
     }
 
-    /// The fields of the element of a list that a field refers to.
+    /// Returns the fields of the element of a list that a field refers to.
     fn fields<'b>(
         &'b self,
         list: &'b [Value],

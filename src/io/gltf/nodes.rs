@@ -1,4 +1,4 @@
-//! The graph of nodes: meshes, cameras and lights at their places in the world.
+//! Traverses the graph of nodes: meshes, cameras and lights in world space.
 
 use std::collections::HashMap;
 use std::f32::consts::FRAC_PI_4;
@@ -16,8 +16,8 @@ use crate::io::description::{Description, ObjectDescription};
 use crate::io::limits::{LIGHT, Memory, OBJECT, TRIANGLE};
 use crate::scene::{Camera, Light};
 
-/// Everything that the file's scene has. Without a default scene that is the first one, without scenes all nodes
-/// are in it.
+/// Returns the description of the file's default scene. Without a default scene, it is the first scene. Without
+/// scenes, it contains all nodes.
 pub(super) fn walk(document: &Document) -> Result<Description> {
     let root = &document.root;
     let materials = materials(document)?;
@@ -36,7 +36,7 @@ pub(super) fn walk(document: &Document) -> Result<Description> {
         },
     };
     let mut seen = vec![false; root.nodes.len()];
-    // The last one is next.
+    // A stack: the last node is visited next.
     let mut next: Vec<(usize, DAffine3)> = Vec::new();
     for (i, place) in roots(document)? {
         enter(document, &mut seen, i, &place)?;
@@ -71,7 +71,7 @@ pub(super) fn walk(document: &Document) -> Result<Description> {
     Ok(found)
 }
 
-/// The nodes that have no parent, and where the file names them.
+/// Returns the nodes of the scene, or, without scenes, all nodes without a parent. Each has its place in the file.
 fn roots(document: &Document) -> Result<Vec<(usize, String)>> {
     let root = &document.root;
     let first = (!root.scenes.is_empty()).then_some(0);
@@ -95,14 +95,14 @@ fn roots(document: &Document) -> Result<Vec<(usize, String)>> {
     Ok(roots.map(|i| (i, format!("nodes[{i}]"))).collect())
 }
 
-/// Marks a node as seen: it may be entered by one way only, or the graph would have a circle or grow without end.
+/// Marks a node as visited. A second visit is an error, since the graph could have a cycle or grow without bound.
 fn enter(document: &Document, seen: &mut [bool], node: usize, place: &str) -> Result<()> {
     let known = std::mem::replace(&mut seen[node], true);
     let message = format_args!("is {node}, which has another parent or is above itself");
     document.unless(!known, place, message)
 }
 
-/// A node's own transform.
+/// Returns a node's local transform.
 fn local(document: &Document, node: &Node, i: usize) -> Result<DAffine3> {
     if let Some(matrix) = &node.matrix {
         let matrix = DMat4::from_cols_array(matrix);
@@ -134,9 +134,9 @@ fn local(document: &Document, node: &Node, i: usize) -> Result<DAffine3> {
 struct Walk<'a> {
     document: &'a Document<'a>,
     materials: &'a [Material],
-    /// Which of the description's meshes each mesh of the file is.
+    /// The index in the description of each mesh of the file.
     meshes: HashMap<usize, usize>,
-    /// Those of all instances so far.
+    /// The number of triangles of all instances so far.
     triangles: u64,
     found: Description,
 }
@@ -216,7 +216,7 @@ impl Walk<'_> {
         Ok(())
     }
 
-    /// A camera looks along its node's −z, whose scale doesn't count.
+    /// Converts a camera, which looks along −z of its node. The scale of the node has no effect.
     fn camera(&self, json: &Fields, to: DAffine3, place: &str) -> Result<(Camera, Option<f64>)> {
         let document = self.document;
         let axes = [-to.matrix3.z_axis, to.matrix3.y_axis].map(|a| a.try_normalize());
@@ -245,7 +245,7 @@ impl Walk<'_> {
             }
             CameraType::Orthographic => {
                 let size = |path: &str| {
-                    // Files may mirror the image by a negative one.
+                    // A negative magnification mirrors the image in some files. Only its size is used.
                     positive(path, json.required::<f32>(path)?.abs())
                 };
                 let (high, wide) = (size("orthographic.ymag")?, size("orthographic.xmag")?);
@@ -254,8 +254,8 @@ impl Walk<'_> {
         })
     }
 
-    /// A light shines along its node's −z, whose scale doesn't count. Photometric units count as those of the scene:
-    /// candela for radiant intensity, lux for irradiance.
+    /// Converts a light, which shines along −z of its node. The scale of the node has no effect. Photometric units
+    /// count as units of the scene: candela as radiant intensity, lux as irradiance.
     fn light(&self, json: &Fields, to: DAffine3) -> Result<Light> {
         let strength = json.number("intensity", 1.0, Range::NotNegative)?;
         let colour = json.three("color", [1.0; 3], Range::NotNegative)?;
@@ -272,7 +272,7 @@ impl Walk<'_> {
             LightType::Spot => {
                 let inner: f32 = json.get("spot.innerConeAngle")?.unwrap_or(0.0);
                 let outer = json.get("spot.outerConeAngle")?.unwrap_or(FRAC_PI_4);
-                // The file's numbers are rounded.
+                // The limit is above π/2, since numbers in files are rounded.
                 let valid = 0.0 <= inner && inner <= outer && outer <= 1.571;
                 let message = format_args!(
                     "has the angles {inner} and {outer}, expected 0 ≤ innerConeAngle ≤ outerConeAngle ≤ π/2"

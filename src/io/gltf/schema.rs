@@ -1,8 +1,8 @@
-//! The JSON of glTF 2.0, as far as it is read. References are numbers that are checked where they are followed. What
-//! stays JSON here is read by [`Fields`](super::fields::Fields).
+//! The parts of glTF 2.0's JSON that are read. References are indices that are checked where they are followed.
+//! [`Fields`](super::fields::Fields) reads the values that stay JSON here.
 //!
-//! The `gltf` crate has all of it, but it is not made for files that nobody trusts: in 1.4.1 its validation panics
-//! on the number of an accessor that is not there, and what it offers without validation unwraps.
+//! The `gltf` crate covers the whole format, but it is not made for untrusted files. In 1.4.1, its validation panics
+//! on the index of a missing accessor, and its functions without validation unwrap.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use serde_json::{Map, Value};
 
-/// A file.
+/// The root object of a file.
 #[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Root {

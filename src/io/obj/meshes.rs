@@ -1,4 +1,4 @@
-//! The meshes of an OBJ file's objects.
+//! Builds the meshes of an OBJ file's objects.
 
 use glam::DVec3;
 
@@ -9,14 +9,14 @@ use crate::io::polygon::Polygons;
 use crate::io::srgb::srgb_to_linear;
 
 impl Reader<'_> {
-    /// The meshes of the objects. Their materials are the names of `usemtl`.
+    /// Returns the meshes of the objects. Their materials are indices of the names in `usemtl` statements.
     pub fn meshes(&self, all: &tobj::Mesh) -> Result<Vec<MeshDescription>> {
         let mut meshes: Vec<MeshDescription> = Vec::new();
         meshes.resize_with(self.objects.all.len(), MeshDescription::default);
         let mut polygons = Polygons::new(self.limits);
         let mut first = 0;
         for (i, face) in self.faces.iter().enumerate() {
-            // Without a list all faces have three.
+            // An empty list means that all faces have three corners.
             let count = all.face_arities.get(i).map_or(3, |&n| n as usize);
             let places = all.indices[first..first + count].iter();
             let places = places.map(|&v| DVec3::from(row(&all.positions, v)));
@@ -46,7 +46,7 @@ impl Reader<'_> {
             numbers.take(&mut mesh.normals, &all.normals);
             let of_vertices = vertices.iter().filter_map(|&v| colours.get(v as usize));
             let of_vertices: Vec<[f64; 3]> = of_vertices.copied().collect();
-            // White ones change nothing.
+            // Colors that are all white change nothing.
             if of_vertices.iter().any(|c| *c != [1.0; 3]) {
                 mesh.colours = Corners {
                     values: of_vertices,
@@ -60,8 +60,8 @@ impl Reader<'_> {
     }
 }
 
-/// Linear colours of vertices, white for those without one. Numbers of files are sRGB, as exporters write them; where
-/// any is above 1 they are bytes.
+/// Returns the linear colors of vertices; vertices without a color are white. Colors of files are sRGB, as exporters
+/// write them. If any number is above 1, they are bytes.
 fn colours(flat: &[f64]) -> Vec<[f64; 3]> {
     let one = match flat.iter().any(|&v| v > 1.0) {
         true => 255.0,
@@ -75,17 +75,17 @@ fn colours(flat: &[f64]) -> Vec<[f64; 3]> {
     rows.map(|c| [c[0], c[1], c[2]].map(linear)).collect()
 }
 
-/// Row i of flat values.
+/// Returns row `i` of a flat table.
 fn row<const C: usize>(flat: &[f64], i: u32) -> [f64; C] {
     let start = C * i as usize;
     std::array::from_fn(|c| flat[start + c])
 }
 
-/// New numbers of rows; those without one have the largest.
+/// New indices of rows; `u32::MAX` for rows without one.
 struct Numbers(Vec<u32>);
 
 impl Numbers {
-    /// Numbers rows in the order of their first use, and returns them in that order.
+    /// Replaces indices by new ones in the order of their first use, and returns the old ones in that order.
     fn renumber(&mut self, indices: &mut [u32]) -> Vec<u32> {
         let mut used = Vec::new();
         for index in indices {
@@ -100,7 +100,7 @@ impl Numbers {
         used
     }
 
-    /// Gives corners the values that they use.
+    /// Renumbers the indices of corners, and copies the values that they use.
     fn take<const C: usize>(&mut self, corners: &mut Corners<C>, flat: &[f64]) {
         let used = self.renumber(corners.faces.as_flattened_mut());
         corners.values = used.iter().map(|&i| row(flat, i)).collect();

@@ -1,7 +1,7 @@
-//! OBJ files as descriptions, their numbers and faces parsed by tobj.
+//! Reads OBJ files into descriptions. tobj parses the numbers and faces.
 //!
-//! tobj would make a mesh wherever an object or a material begins, whose vertices others don't share. So it gets the
-//! rows and faces alone, each in its line, and the objects and materials of faces are kept beside them.
+//! tobj starts a new mesh at every object and material, and meshes do not share vertices. Therefore it gets only the
+//! rows and faces, each on its own line. This module keeps the object and material of each face.
 
 mod meshes;
 mod mtl;
@@ -18,10 +18,11 @@ use super::notes::Notes;
 use crate::error::{Error, Result};
 use mtl::{Library, keyword, words};
 
-/// The name of what comes before any `o` or `g`.
+/// The name of the object before any `o` or `g`.
 const UNNAMED: &str = "unnamed_object";
 
-/// About the bytes that a render takes for an object and each of its materials: three copies of their tensors' handles.
+/// Approximate bytes that a render takes for an object with one of its materials: three copies of their tensors'
+/// handles.
 const PART: u64 = 3 << 12;
 
 /// Reads a file with its MTL files; see [`Scene::load`](crate::scene::Scene::load).
@@ -29,7 +30,7 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
     let (text, notes) = (read_text(path, limits)?, Notes::default());
     let mut reader = Reader::new(path, &text, limits, &notes);
     let mut continued = String::new();
-    // The empty line ends a last one that goes on.
+    // The empty line ends a last line that is continued.
     for (i, line) in text.lines().chain([""]).enumerate() {
         let begun = line.trim_end().strip_suffix('\\');
         match begun.filter(|_| !line.starts_with('#')) {
@@ -37,7 +38,7 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
             None if continued.is_empty() => reader.statement(i + 1, line)?,
             None => reader.statement(i + 1, &(std::mem::take(&mut continued) + line))?,
         }
-        // Lines that tobj doesn't get are empty, so that lines keep their numbers.
+        // Lines that tobj does not get become empty, so that line numbers stay the same.
         reader.text.push('\n');
     }
     if reader.faces.is_empty() {
@@ -48,7 +49,7 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
     }
     drop(text);
     let all = reader.parse()?;
-    // Of a large file texts take most.
+    // The texts take most of the memory of a large file.
     reader.text = String::new();
     let mut meshes = reader.meshes(&all)?;
     drop(all);
@@ -84,7 +85,7 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
     })
 }
 
-/// Names, each once.
+/// Names without duplicates.
 #[derive(Default)]
 struct Names {
     all: Vec<String>,
@@ -103,39 +104,39 @@ impl Names {
     }
 }
 
-/// What tobj does not keep of a face.
+/// Properties of a face that tobj does not keep.
 struct Face {
     line: usize,
     object: u32,
     material: u32,
-    /// Whether all corners have texture coordinates, and normals.
+    /// Whether all corners have texture coordinates, and whether all have normals.
     uvs: bool,
     normals: bool,
 }
 
-/// What was read so far.
+/// The content read so far.
 struct Reader<'a> {
     path: &'a Path,
     limits: &'a LoadLimits,
     notes: &'a Notes,
     library: Library<'a>,
-    /// What tobj gets.
+    /// The text for tobj.
     text: String,
-    /// The numbers of `v`, `vt` and `vn` so far and of the whole file: faces may name what only comes after them.
+    /// The numbers of `v`, `vt` and `vn` rows so far and in the whole file. Faces may refer to later rows.
     counts: [u64; 3],
     totals: [u64; 3],
-    /// Whether vertices have colours.
+    /// Whether any vertex has a color.
     coloured: bool,
     triangles: u64,
     faces: Vec<Face>,
-    /// Of those that have faces; the material of those without one has no name.
+    /// Names of objects and materials with faces. Faces without a material have the empty name.
     objects: Names,
     materials: Names,
-    /// The object and the material that faces get, and their numbers if any face had both.
+    /// The current object and material, and their numbers once a face has used them.
     object: String,
     material: String,
     part: Option<(u32, u32)>,
-    /// Objects with their materials, and what they take.
+    /// Pairs of object and material, and the memory that they take.
     parts: HashSet<(u32, u32)>,
     memory: Memory,
 }
@@ -179,7 +180,7 @@ impl<'a> Reader<'a> {
         Error::format(self.path, format!("line {line}: {message}"))
     }
 
-    /// Reads a line, with those that it continues.
+    /// Reads a line, joined with its continuation lines.
     fn statement(&mut self, line: usize, text: &str) -> Result<()> {
         let (keyword, rest) = keyword(text);
         let words = words(rest);
@@ -215,11 +216,11 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// A vertex with its colour, no number where it has none: tobj wants one of all vertices or of none. What doesn't
-    /// parse is left for tobj to refuse.
+    /// Returns the line of a vertex for tobj. tobj requires a color for all vertices or for none, so a missing color
+    /// becomes NaN. Words that do not parse stay, and tobj rejects them.
     fn vertex(&self, words: &[&str]) -> String {
         let numbers: Vec<f64> = words.iter().map_while(|v| v.parse().ok()).collect();
-        // With w there are four numbers, else there may be more than three that count for nothing.
+        // A fourth word is w. Of five or more words without a color, those after the third are ignored.
         let place = if words.len() > 4 { &words[..3] } else { words };
         let place = format!("v {}", place.join(" "));
         match numbers[..] {
@@ -267,7 +268,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Numbers the object and the material that faces get, and counts them where they were not together before.
+    /// Returns the numbers of the current object and material. The first use of a pair counts its memory.
     fn begin_part(&mut self) -> std::result::Result<(u32, u32), String> {
         let (object, material) = (&self.object, &self.material);
         let part = (self.objects.number(object), self.materials.number(material));
@@ -279,8 +280,8 @@ impl<'a> Reader<'a> {
         Ok(part)
     }
 
-    /// The rows that a corner `v/vt/vn` names, counted from 1, and 0 for those that it does not name, or that are not
-    /// there, which is a fault.
+    /// Returns the rows of a corner `v/vt/vn`, counted from 1. Rows that are left out are 0. A `vt` or `vn` row that
+    /// does not exist is also 0, and sets `fault`.
     fn corner(
         &self,
         text: &str,
@@ -313,14 +314,14 @@ impl<'a> Reader<'a> {
         Ok(rows)
     }
 
-    /// All rows and faces, as one mesh with polygons.
+    /// Parses all rows and faces as one mesh with polygons.
     fn parse(&self) -> Result<tobj::Mesh> {
         let load = |mut text: &[u8]| {
             let options = tobj::LoadOptions::default();
             tobj::load_obj_buf(&mut text, &options, |_| tobj::load_mtl_buf(&mut &[][..]))
         };
         let (mut models, _) = load(self.text.as_bytes()).map_err(|e| {
-            // It is the first row that tobj doesn't take alone: faces were looked at.
+            // Faces were checked before, so the error is in the first row that tobj rejects on its own.
             let wrong = |line: &str| !line.starts_with('f') && load(line.as_bytes()).is_err();
             let line = self.text.lines().position(wrong);
             self.fail(line.map_or(0, |i| i + 1), e)

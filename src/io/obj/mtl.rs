@@ -1,4 +1,4 @@
-//! MTL files, their materials parsed by tobj.
+//! Reads MTL files. tobj parses their materials.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use crate::io::limits::{LoadLimits, read_text};
 use crate::io::notes::Notes;
 use crate::scene::Wrap;
 
-/// Entries that would change a render and are not read.
+/// Entries that would change a render but are not read.
 const UNREAD: [&str; 20] = [
     "d", "Tr", "Tf", "Ni", "Pr", "Pm", "Ps", "Pc", "aniso", "map_Ka", "map_Ns", "map_d",
     "map_Bump", "map_bump", "bump", "disp", "norm", "map_Pr", "map_Pm", "refl",
@@ -21,18 +21,18 @@ const CLAMPED: &str = "Kd or Ks of these materials is outside of [0, 1] and limi
 const UNTEXTURED: &str = "these materials have a texture on objects without coordinates at all corners, where their \
                           colour counts";
 
-/// The materials of the files that an OBJ file names.
+/// The materials from the MTL files of an OBJ file.
 pub(super) struct Library<'a> {
-    /// The OBJ file's.
+    /// The folder of the OBJ file.
     folder: &'a Path,
     limits: &'a LoadLimits,
     notes: &'a Notes,
-    /// By name, with the files that they stand in. The last of a name counts.
+    /// Materials by name, each with its file. The last material of a name is used.
     materials: HashMap<String, (Rc<tobj::Material>, Rc<Path>)>,
-    /// The files that were read, and their bytes.
+    /// The files that were read, and the sum of their sizes.
     read: HashSet<PathBuf>,
     pub bytes: u64,
-    /// Materials that were described, with or without textures, and the images of the textures, each once.
+    /// Descriptions of materials, with or without textures, and the images of the textures without duplicates.
     pub described: Vec<MaterialDescription>,
     numbers: HashMap<(String, bool), usize>,
     pub images: Vec<ImageSource>,
@@ -55,8 +55,8 @@ impl<'a> Library<'a> {
         }
     }
 
-    /// Adds the files of an `mtllib` statement: one name that may have spaces, or several names. `from` says where it
-    /// stands.
+    /// Adds the files of an `mtllib` statement: one name that may have spaces, or several names. `from` is the place
+    /// of the statement, for messages.
     pub fn add(&mut self, statement: &str, from: &str) -> Result<()> {
         let whole = resolve(&[self.folder], statement);
         let is_one = whole.is_file() || statement.split_whitespace().count() < 2;
@@ -88,7 +88,7 @@ impl<'a> Library<'a> {
     fn parse(&mut self, path: &Path, text: &str) -> Result<()> {
         self.bytes += text.len() as u64;
         let (mut sound, mut named) = (String::new(), false);
-        // What would change the picture and is not read, told once.
+        // Entries that are not read, each listed once.
         let mut unread: Vec<&str> = Vec::new();
         for (i, line) in text.lines().enumerate() {
             let (keyword, rest) = keyword(line);
@@ -115,8 +115,8 @@ impl<'a> Library<'a> {
         Ok(())
     }
 
-    /// The number of the material of a name, described with its textures or with the colours beside them, and with
-    /// another colour where it has none.
+    /// Returns the index of a material's description, with its textures or with plain colors instead. `plain` is the
+    /// diffuse color of a material that has none.
     pub fn describe(&mut self, name: &str, textured: bool, plain: [f64; 3]) -> Result<usize> {
         let key = (name.to_owned(), textured);
         if let Some(&known) = self.numbers.get(&key) {
@@ -140,7 +140,7 @@ impl<'a> Library<'a> {
             Ok(texture?.filter(|_| textured))
         });
         let [kd, ks] = [material.diffuse, material.specular].map(|c| self.share(c, name));
-        // Of a colour without highlights, and of an exponent of 0, exporters leave Ks as it came.
+        // For a material without highlights or with an exponent of 0, exporters write a Ks that has no meaning.
         let shines = material.illumination_model.is_none_or(|model| model >= 2)
             && material.shininess.is_none_or(|n| n > 0.0);
         let times = |factor: Option<[f64; 3]>, texture: Option<TextureUse>| Colour {
@@ -166,7 +166,7 @@ impl<'a> Library<'a> {
         Ok(number)
     }
 
-    /// A colour whose values are shares.
+    /// Clamps a color to [0, 1], with a warning.
     fn share(&self, colour: Option<[f64; 3]>, name: &str) -> Option<[f64; 3]> {
         let limited = colour.map(|c| c.map(|v| v.clamp(0.0, 1.0)));
         if limited != colour {
@@ -175,7 +175,7 @@ impl<'a> Library<'a> {
         limited
     }
 
-    /// The texture of a statement of a file.
+    /// Returns the texture of a statement.
     fn texture(&mut self, statement: &str, file: &Path, material: &str) -> Result<TextureUse> {
         let from = || format!("{}, material {material}", file.display());
         let (name, options) = texture_name(statement);
@@ -199,8 +199,9 @@ impl<'a> Library<'a> {
     }
 }
 
-/// A statement as tobj takes it, which panics on `Kd` with less than 3 numbers and ends at the first mistake; else what
-/// is wrong with it. One number stands for all three channels. `named` says whether it belongs to a material.
+/// Returns a statement in a form that tobj accepts, or an error message. tobj itself panics on `Kd` with fewer than 3
+/// numbers and stops at the first error. One number counts for all three channels. `named` is whether a material has
+/// begun.
 fn statement(keyword: &str, rest: &str, named: &mut bool) -> std::result::Result<String, String> {
     let words: Vec<&str> = words(rest);
     let numbers = |count: usize| {
@@ -241,20 +242,20 @@ fn statement(keyword: &str, rest: &str, named: &mut bool) -> std::result::Result
     Ok(format!("{keyword} {values}\n"))
 }
 
-/// The first word of a line and the rest, trimmed.
+/// Returns the first word of a line, and the rest, trimmed.
 pub(super) fn keyword(line: &str) -> (&str, &str) {
     let line = line.trim();
     let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
     (keyword, rest.trim())
 }
 
-/// Words up to a comment.
+/// Returns the words before a comment.
 pub(super) fn words(rest: &str) -> Vec<&str> {
     let words = rest.split_whitespace();
     words.take_while(|w| !w.starts_with('#')).collect()
 }
 
-/// The file of that name in the first folder that has it, else what it would be in the first one.
+/// Returns the file in the first folder that has it, or its path in the first folder.
 fn resolve(folders: &[&Path], name: &str) -> PathBuf {
     // Windows exporters write backslashes.
     let slashed = name.replace('\\', "/");
@@ -265,8 +266,8 @@ fn resolve(folders: &[&Path], name: &str) -> PathBuf {
     candidates.find(|c| c.is_file()).unwrap_or(first)
 }
 
-/// The file name of a texture statement after its options, like `-s 2 2 1 -clamp on wood.png`, and
-/// the options with their first words.
+/// Returns the file name of a texture statement such as `-s 2 2 1 -clamp on wood.png`, and the options with their
+/// first words.
 fn texture_name(mut rest: &str) -> (&str, Vec<[&str; 2]>) {
     let mut options = Vec::new();
     while rest.starts_with('-') {
@@ -301,7 +302,7 @@ mod tests {
         assert_eq!(options, [["-s", "2"], ["-clamp", "on"], ["-bm", "1"]]);
     }
 
-    /// Texels take memory once, however many materials name their file.
+    /// An image file takes memory once, however many materials use it.
     #[test]
     fn a_file_of_texels_is_one_texture() {
         let files = ["wood.png", "./wood.png", "stone.png"];

@@ -2,7 +2,7 @@
 
 use crate::io::numbers::Kind;
 
-/// How the values of a file are written.
+/// The encoding of a file's values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Format {
     Ascii,
@@ -24,16 +24,16 @@ fn kind(name: &str) -> Option<Kind> {
     })
 }
 
-/// One or several values of each row of an element.
+/// A property of an element: a scalar or a list in each row.
 #[derive(Debug, PartialEq)]
 pub(super) struct Property {
     pub name: String,
     pub kind: Kind,
-    /// What the number of values is made of, for a list.
+    /// The type of a list's length; `None` for a scalar.
     pub list: Option<Kind>,
 }
 
-/// Rows of the same properties.
+/// An element: rows with the same properties.
 #[derive(Debug, PartialEq)]
 pub(super) struct Element {
     pub name: String,
@@ -42,12 +42,12 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// Where a scalar stands among its properties, by the first of some names.
+    /// Returns the index of the scalar property with the first of `names` that exists.
     pub fn scalar(&self, names: &[&str]) -> Option<usize> {
         self.find(names, false)
     }
 
-    /// Where a list stands, by the first of some names.
+    /// Returns the index of the list property with the first of `names` that exists.
     pub fn list(&self, names: &[&str]) -> Option<usize> {
         self.find(names, true)
     }
@@ -59,7 +59,7 @@ impl Element {
         })
     }
 
-    /// The least bytes that its rows take.
+    /// Returns the least number of bytes that the rows take.
     pub fn least_bytes(&self, format: Format) -> u128 {
         let of = |p: &Property| match format {
             // A digit and a space.
@@ -70,18 +70,19 @@ impl Element {
     }
 }
 
-/// A header, and the byte after it.
+/// The header of a file.
 #[derive(Debug, PartialEq)]
 pub(super) struct Header {
     pub format: Format,
     pub elements: Vec<Element>,
-    /// Names of textures that MeshLab and others write as comments.
+    /// Texture files from `TextureFile` comments, which MeshLab and other programs write.
     pub textures: Vec<String>,
+    /// The offset of the first byte after the header.
     pub end: usize,
 }
 
 impl Header {
-    /// Parses the first lines of a file up to `end_header`. An error names the line.
+    /// Parses the first lines of a file up to `end_header`. An error reports the line number.
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
         let (mut format, mut elements, mut textures) = (None, Vec::<Element>::new(), Vec::new());
         let mut end = 0;

@@ -1,4 +1,4 @@
-//! PLY files, ascii and binary, as descriptions (Turk, *The PLY Polygon File Format*, 1994).
+//! Reads PLY files, ASCII and binary, into descriptions (Turk, *The PLY Polygon File Format*, 1994).
 
 mod header;
 mod values;
@@ -22,7 +22,7 @@ use crate::scene::Wrap;
 use header::{Element, Format, Header, Property};
 use values::Values;
 
-/// Reads a file, with the texture that it names.
+/// Reads a file. The description refers to the texture that the file names.
 pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
     let bytes = read_bytes(path, limits)?;
     let header = Header::parse(&bytes).map_err(|m| Error::format(path, m))?;
@@ -32,7 +32,7 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
         values: Values {
             format: header.format,
             rest: &bytes[header.end..],
-            // Where each row has a line, more in it than the header says is left out, as others do.
+            // If each row has its own line, values beyond those in the header are ignored, as in other readers.
             by_line: header.format == Format::Ascii && {
                 let lines = bytes[header.end..].split(|&b| b == b'\n');
                 let lines = lines.filter(|line| !line.trim_ascii().is_empty()).count();
@@ -45,9 +45,9 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
         colours: Vec::new(),
     };
     for element in &header.elements {
-        // Before anything is allocated for it.
+        // Checked before anything is allocated for the element.
         let (least, left) = (element.least_bytes(header.format), reader.values.rest.len());
-        // The last number needs no space after it.
+        // The last number of an ASCII file needs no space after it.
         if least > left as u128 + 1 {
             let message = format!(
                 "it claims {} rows, at least {least} bytes, but {left} are left",
@@ -69,7 +69,7 @@ struct Reader<'a> {
     limits: &'a LoadLimits,
     values: Values<'a>,
     mesh: MeshDescription,
-    /// Of the vertices.
+    /// Attributes per vertex; empty if the file has none.
     uvs: Vec<[f64; 2]>,
     normals: Vec<[f64; 3]>,
     colours: Vec<[f64; 3]>,
@@ -80,7 +80,7 @@ impl Reader<'_> {
         Error::format(self.path, format!("{place}: {message}"))
     }
 
-    /// The next row of an element: its scalars in `scalars`, and a list's values in the list of its place.
+    /// Reads the next row of an element. Property `i` goes to `scalars[i]` or, if it is a list, to `lists[i]`.
     fn row(&mut self, of: &Element, row: u64, found: &mut Row) -> Result<()> {
         for (i, Property { name, kind, list }) in of.properties.iter().enumerate() {
             let place = |m: String| {
@@ -141,7 +141,7 @@ impl Reader<'_> {
                 self.uvs.push([at(u), at(v)]);
             }
             if let Some(colour) = colour {
-                // Bytes are sRGB, numbers are linear.
+                // Unsigned integers of 8 and 16 bits are sRGB, other numbers are linear.
                 let linear = |i: usize| match element.properties[i].kind {
                     kind @ (Kind::U8 | Kind::U16) => {
                         f64::from(srgb_to_linear((at(i) / kind.one()) as f32))
@@ -158,7 +158,7 @@ impl Reader<'_> {
         let Some(corners) = element.list(&["vertex_indices", "vertex_index"]) else {
             return Err(self.fail("element face", "it has no list vertex_indices"));
         };
-        // MeshLab's texture coordinates of corners.
+        // MeshLab writes texture coordinates per corner.
         let texcoord = element.list(&["texcoord"]);
         let count = self.mesh.positions.len();
         let mut row = Row::of(element);
@@ -268,7 +268,7 @@ impl Row {
     }
 }
 
-/// Values of vertices at the corners of faces, if there are any.
+/// Converts values of vertices to values of face corners. Without values, the result is empty.
 fn of_vertices<const C: usize>(values: Vec<[f64; C]>, faces: &[[u32; 3]]) -> Corners<C> {
     let faces = match values.is_empty() {
         true => Vec::new(),

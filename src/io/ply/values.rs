@@ -1,18 +1,18 @@
-//! Values of a PLY file, one after the other.
+//! Reads the values of a PLY file in order.
 
 use super::header::Format;
 use crate::io::numbers::Kind;
 
-/// What is left of a file after its header.
+/// The unread part of a file after its header.
 pub(super) struct Values<'a> {
     pub format: Format,
     pub rest: &'a [u8],
-    /// Whether each row has a line of its own.
+    /// Whether each row has its own line.
     pub by_line: bool,
 }
 
 impl Values<'_> {
-    /// The next value, or what is wrong with it.
+    /// Reads the next value. An error describes the problem.
     pub fn next(&mut self, kind: Kind) -> Result<f64, String> {
         if self.format == Format::Ascii {
             return self.word();
@@ -30,7 +30,7 @@ impl Values<'_> {
         Ok(kind.number(&all))
     }
 
-    /// Called after a row: leaves out what else is in its line.
+    /// Ends a row: skips the rest of its line if rows have their own lines.
     pub fn end_row(&mut self) {
         if self.by_line {
             let end = self.rest.iter().position(|&b| b == b'\n');
@@ -38,7 +38,7 @@ impl Values<'_> {
         }
     }
 
-    /// The number that a word is.
+    /// Reads the next word as a number.
     fn word(&mut self) -> Result<f64, String> {
         let text = self.rest.trim_ascii_start();
         let end = text.iter().position(u8::is_ascii_whitespace);
@@ -54,7 +54,7 @@ impl Values<'_> {
         })
     }
 
-    /// The number of values of the next list: not more than there can be in the rest of the file.
+    /// Reads the length of the next list. A length that the rest of the file cannot hold is an error.
     pub fn length(&mut self, count: Kind, item: Kind) -> Result<usize, String> {
         let length = self.next(count)?;
         let each = match self.format {

@@ -1,11 +1,12 @@
-//! Fits of how much light facets reflect altogether, by the cosine to the view and α: polynomials, fitted to the largest
-//! error over sums of 20,000 half vectors each, for cosines from 0.03 and α up to 1. Less than what is reflected is
-//! given back rather than more.
+//! Fits of the directional albedo of microfacets as functions of the view's cosine and α.
+//!
+//! The fits are polynomials that minimize the largest error against sums of 20,000 half vectors each, for cosines
+//! from 0.03 and α up to 1. They err toward too little compensation rather than too much.
 
 use crate::cube::*;
 use crate::model::{V2, v2};
 
-/// a + b x + c x² + d x³ and its derivative.
+/// Returns a + b x + c x² + d x³ and its derivative.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn cubic(x: f32, a: f32, b: f32, c: f32, d: f32) -> V2 {
@@ -15,12 +16,12 @@ pub(super) fn cubic(x: f32, a: f32, b: f32, c: f32, d: f32) -> V2 {
     )
 }
 
-/// The albedo counts as so much more than its fit.
+/// Safety factor: the albedo is taken as this multiple of its fit.
 const MORE: f32 = 1.01;
-/// α counts as this many squared cosines, where the reflectance of facets rises towards the horizon.
+/// Squared cosines are offset by this multiple of α, where the reflectance of facets rises toward the horizon.
 const WIDTH: f32 = 0.35;
 
-/// A number that depends on a cosine, α and an index of refraction, with its derivatives.
+/// A function of a cosine, α and an index of refraction, with its derivatives.
 #[apply(record!)]
 pub(crate) struct Fit {
     pub value: f32,
@@ -29,8 +30,8 @@ pub(crate) struct Fit {
     pub by_eta: f32,
 }
 
-/// (1 − E)/E, where E is the albedo of facets that reflect all light, whose light is lost where facets hide each
-/// other: by at most 1.9 % of E too little, up to 5 % over 85°.
+/// Returns (1 − E)/E, where E is the albedo of facets that reflect all light and lose what they occlude from each
+/// other. It is too small by at most 1.9 % of E, up to 5 % beyond 85°.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn lost(cosine: f32, alpha: f32) -> Fit {
@@ -60,7 +61,7 @@ pub(crate) fn lost(cosine: f32, alpha: f32) -> Fit {
     }
 }
 
-/// The albedo of facets of F₀ = 0.04, with what is given back: by at most 0.02 too much.
+/// Returns the albedo of facets with F₀ = 0.04, including compensation, too large by at most 0.02.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn dielectric_facets(cosine: f32, alpha: f32) -> Fit {
@@ -83,7 +84,7 @@ pub(crate) fn dielectric_facets(cosine: f32, alpha: f32) -> Fit {
     }
 }
 
-/// The mean of [`dielectric_facets`] over the hemisphere, weighed by the cosine, and its derivative by α.
+/// Returns the cosine-weighted hemispherical mean of [`dielectric_facets`], and its derivative with respect to α.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn mean_of_dielectric_facets(alpha: f32) -> V2 {
@@ -114,7 +115,7 @@ mod tests {
         }
     }
 
-    /// The mean is that of the fit.
+    /// The mean matches that of the fit.
     #[test]
     fn mean_of_the_fit() {
         for alpha in [0.01, 0.1, 0.5, 1.0] {

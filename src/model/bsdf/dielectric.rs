@@ -1,13 +1,16 @@
-//! Facets of clear matter, which reflect and refract (Walter et al. 2007).
+//! Dielectric microfacets, which reflect and refract (Walter et al. 2007).
 //!
-//! With v the view, l the direction, η the index of refraction on the other side over that on the view's, and the
-//! facet's normal h along H = ± (v + η l), refracted is f·cos θ = T D V K cos θ with K = 4 (v·H) (−l·H)/|H|⁴: radiance
-//! counts, which is less by η² where it is spread over as much more directions. What is reflected downwards or
-//! refracted upwards by a slanted facet is lost, and what facets hide. All is given back by 1/E, where E is the albedo
-//! by the view, α and η (Turquin 2019), if the material is compensated.
+//! Let v be the view, l the direction, η the index of refraction on the other side over the index on the view's side,
+//! and h the facet normal along H = ± (v + η l). Then refraction has f·cos θ = T D V K cos θ with K = 4 (v·H)
+//! (−l·H)/|H|⁴. f applies to radiance, which is smaller by η² if it is spread over η² times the solid angle.
 //!
-//! Facets that stand upright still refract, where D does not vanish there, and those beyond don't exist. So K has a
-//! factor that falls to 0 at n·h = 0: light through the surface has no jump, which gradients would have to follow.
+//! Light that a slanted facet reflects downward or refracts upward is lost, and so is light that facets occlude. If
+//! the material is compensated, f is multiplied by 1/E, where E is the albedo as a function of the view, α and η
+//! (Turquin 2019).
+//!
+//! Facets with n·h near 0 still refract, where D does not vanish there, while facets with n·h < 0 do not exist. So K
+//! has a factor that falls to 0 at n·h = 0. The transmitted light then has no jump, which gradients would have to
+//! account for.
 
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
@@ -20,8 +23,8 @@ use super::{IMPOSSIBLE, Lobe, Scatter, Shading, ShadingGradient};
 use crate::cube::*;
 use crate::model::{V3, select_vector, splat, v3};
 
-/// Derivatives of a loss by D, V, the part of light that the interface reflects or lets pass, K, n·v + r_v, which
-/// densities are divided by, cos θ, 1/E and the factor of upright facets.
+/// Derivatives of a loss with respect to the factors: D, V, the reflected or transmitted fraction of light, K, n·v +
+/// r_v, which densities are divided by, cos θ, 1/E, and the factor for facets with n·h near 0.
 #[apply(record!)]
 struct FactorsGradient {
     d: f32,
@@ -34,8 +37,8 @@ struct FactorsGradient {
     upright: f32,
 }
 
-/// The probability with which reflected light is chosen before a facet is drawn. Slanted facets let light pass
-/// where one along the normal reflects all of it, so neither choice is impossible.
+/// Returns the probability of choosing reflection before a facet is sampled. Slanted facets transmit light where a
+/// facet along the normal reflects all of it, so neither choice has probability 0.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn gloss(shading: &Shading) -> f32 {
@@ -43,7 +46,7 @@ pub(super) fn gloss(shading: &Shading) -> f32 {
     dielectric(nv.min(1.0), shading.eta()).x.clamp(0.05, 0.5)
 }
 
-/// f·cos θ.
+/// Returns f·cos θ.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(never)]
 pub(super) fn evaluate(shading: &Shading, outgoing: V3) -> V3 {
@@ -61,7 +64,7 @@ pub(super) fn evaluate(shading: &Shading, outgoing: V3) -> V3 {
     sum
 }
 
-/// Adds the derivatives of g·f·cos θ; returns that by the outgoing direction.
+/// Adds the derivatives of g·f·cos θ, and returns the one with respect to the outgoing direction.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(never)]
 pub(super) fn evaluate_backward(
@@ -101,7 +104,8 @@ pub(super) fn evaluate_backward(
     by_outgoing
 }
 
-/// The density of directions above, which are reflected, or below, which are refracted.
+/// Returns the density of a direction, about a normal: first component if it is reflected, above the surface; second
+/// if it is refracted, below.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
@@ -120,7 +124,7 @@ pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
     found
 }
 
-/// Draws a facet, which reflects or refracts.
+/// Samples a facet, then reflects or refracts.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(never)]
 pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32) {
@@ -132,7 +136,7 @@ pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32
     } else {
         drawn.direction = shading.refracted_at(&f, half);
     }
-    // What a slanted facet turns to the wrong side is lost.
+    // Light that a slanted facet turns to the wrong side is lost.
     let kept = normal.dot(drawn.direction) > 0.0;
     let kept = select(!drawn.of_gloss, !kept, kept);
     if kept {
@@ -140,7 +144,7 @@ pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32
     }
 }
 
-/// Adds the derivatives of g·weight of a direction that was drawn; returns that by the direction.
+/// Adds the derivatives of g·weight of a sampled direction, and returns the one with respect to the direction.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(never)]
 pub(super) fn weight_backward(
@@ -184,7 +188,7 @@ pub(super) fn weight_backward(
     by_outgoing
 }
 
-/// The numbers of the facet that turns the view into a direction.
+/// Sets the random numbers that would have sampled the facet that turns the view into a direction.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn as_drawn(shading: &Shading, drawn: &mut Scatter) {
@@ -194,7 +198,7 @@ pub(super) fn as_drawn(shading: &Shading, drawn: &mut Scatter) {
     drawn.v = numbers.y;
 }
 
-/// Adds the derivatives of g·direction of a direction that was drawn, at fixed random numbers.
+/// Adds the derivatives of g·direction of a sampled direction, at fixed random numbers.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn direction_backward(
@@ -210,7 +214,7 @@ pub(super) fn direction_backward(
     }
 }
 
-/// The part of directions that facets reflect to, or refract to.
+/// Narrows a lobe to the directions that microfacets reflect to, or refract to.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(never)]
 pub(super) fn lobe(shading: &Shading, lobe: &mut Lobe, of_gloss: bool, tangent: f32) {
@@ -229,7 +233,7 @@ pub(super) fn lobe(shading: &Shading, lobe: &mut Lobe, of_gloss: bool, tangent: 
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
-    /// What light is multiplied by, so that none is lost between facets.
+    /// Returns the compensation factor 1/E, or 1 without compensation.
     #[inline(always)]
     fn back(&self, f: &Facets) -> Fit {
         let mut found = Fit {
@@ -244,20 +248,20 @@ impl Shading {
         found
     }
 
-    /// cos θ on the side that a direction is on, limited at the horizon.
+    /// Returns cos θ on the side that a direction is on, limited at the horizon.
     #[inline(always)]
     fn cosine_on_side(&self, outgoing: V3, above: bool) -> f32 {
         let towards = select_vector(above, outgoing, -outgoing);
         self.cosine(towards)
     }
 
-    /// The colour of what is reflected, or refracted.
+    /// Returns the color factor of reflected or refracted light.
     #[inline(always)]
     fn tint(&self, above: bool) -> V3 {
         select_vector(above, splat(1.0), self.diffuse)
     }
 
-    /// Adds the derivatives of the factors; returns that by the outgoing direction.
+    /// Adds the derivatives of the factors, and returns the one with respect to the outgoing direction.
     #[inline(always)]
     fn factors_backward(
         &self,

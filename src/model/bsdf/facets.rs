@@ -1,8 +1,8 @@
-//! Facets of the distribution GGX (Walter et al. 2007) with Smith's masking, correlated by height (Heitz 2014), and
-//! the half vectors of those that are seen, drawn by spherical caps (Dupuy and Benyoub 2023).
+//! Microfacets with the GGX distribution (Walter et al. 2007) and height-correlated Smith masking-shadowing (Heitz
+//! 2014). Half vectors of visible facets are sampled by spherical caps (Dupuy and Benyoub 2023).
 //!
-//! Where an interpolated normal turns away from the view, the view is mirrored at the plane across that normal, so
-//! that nothing jumps there.
+//! Where an interpolated normal faces away from the view, the view is mirrored in the plane perpendicular to that
+//! normal, so that nothing jumps there.
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 
@@ -16,18 +16,18 @@ use crate::model::frame::{
 };
 use crate::model::{V3, splat, v3};
 
-/// The least α: a lobe of a twentieth of a degree, which f32 still resolves.
+/// Minimum α: a lobe of a twentieth of a degree, which f32 still resolves.
 const LEAST_ALPHA: f32 = 1e-3;
-/// Squares that are divided by are at least this.
+/// Lower bound of squares that are divided by.
 const TINY: f32 = 1e-12;
-/// Squared sines of caps are at least this, where their square root has a derivative.
+/// Lower bound of squared sines of caps, where the square root has a derivative.
 const LEAST_SQUARE: f32 = 1e-7;
 
-/// Facets about a normal, and the direction that they are seen from.
+/// Microfacets about a normal, and the direction that they are seen from.
 #[apply(record!)]
 pub(super) struct Facets {
     pub normal: V3,
-    /// Towards the eye, on the normal's side.
+    /// Toward the eye, on the normal's side.
     pub view: V3,
     pub alpha: f32,
     /// n·v ≥ 0.
@@ -36,7 +36,7 @@ pub(super) struct Facets {
     pub rv: f32,
 }
 
-/// Derivatives by what facets are made of.
+/// Derivatives with respect to the fields of [`Facets`].
 #[apply(record!)]
 pub(super) struct FacetsGradient {
     pub normal: V3,
@@ -56,7 +56,7 @@ impl FacetsGradient {
     }
 }
 
-/// Derivatives by the normal, the ray's direction and the roughness.
+/// Derivatives with respect to the normal, the direction of the incoming ray, and the roughness.
 #[apply(record!)]
 pub(super) struct SurfaceGradient {
     pub normal: V3,
@@ -64,14 +64,14 @@ pub(super) struct SurfaceGradient {
     pub roughness: f32,
 }
 
-/// √(α² + (1 − α²) c²).
+/// Returns √(α² + (1 − α²) c²), for the square α² and the cosine c.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn slant(square: f32, cosine: f32) -> f32 {
     (square + (1.0 - square) * cosine * cosine).sqrt()
 }
 
-/// α of a roughness.
+/// Returns α of a roughness: its square, at least the minimum.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn alpha_of(roughness: f32) -> f32 {
@@ -81,7 +81,7 @@ pub(super) fn alpha_of(roughness: f32) -> f32 {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Facets {
-    /// For a ray that comes along a direction.
+    /// Makes the facets for a ray with direction `incoming`.
     #[inline(always)]
     pub fn new(normal: V3, incoming: V3, roughness: f32) -> Facets {
         let along = normal.dot(incoming);
@@ -100,7 +100,8 @@ impl Facets {
         }
     }
 
-    /// Derivatives by what they were made of, from those by normal, view and α.
+    /// Turns derivatives with respect to normal, view and α into those with respect to the arguments of
+    /// [`Facets::new`].
     #[inline(always)]
     pub fn backward(&self, incoming: V3, roughness: f32, by: &FacetsGradient) -> SurfaceGradient {
         let along = self.normal.dot(incoming);
@@ -123,7 +124,7 @@ impl Facets {
         }
     }
 
-    /// D(h) for a vector along h, 0 below the surface.
+    /// Returns D(h) for a vector along h, 0 below the surface.
     #[inline(always)]
     pub fn distribution(&self, half: V3) -> f32 {
         let square = self.alpha * self.alpha;
@@ -138,7 +139,7 @@ impl Facets {
         d
     }
 
-    /// Adds the derivatives of g·D(h); returns that by the vector along h.
+    /// Adds the derivatives of g·D(h), and returns the one with respect to the vector along h.
     #[inline(always)]
     pub fn distribution_backward(&self, half: V3, g: f32, by: &mut FacetsGradient) -> V3 {
         let square = self.alpha * self.alpha;
@@ -160,14 +161,14 @@ impl Facets {
         by_half
     }
 
-    /// V = G/(4 n·v n·l) of light that comes along a direction over the surface.
+    /// Returns V = G/(4 n·v n·l) for a light direction above the surface.
     #[inline(always)]
     pub fn visibility(&self, nl: f32) -> f32 {
         let rl = slant(self.alpha * self.alpha, nl);
         0.5 / (nl * self.rv + self.nv * rl)
     }
 
-    /// Derivatives of V by n·v, n·l and α.
+    /// Returns the derivatives of V with respect to n·v, n·l and α.
     #[inline(always)]
     pub fn visibility_slopes(&self, nl: f32) -> V3 {
         let square = self.alpha * self.alpha;
@@ -183,7 +184,8 @@ impl Facets {
         v3(by_nv, by_nl, 2.0 * self.alpha * by_square) * scale
     }
 
-    /// The derivatives of n·v + √(α² + (1 − α²) (n·v)²), which densities are divided by, by n·v and α.
+    /// Returns the derivatives of n·v + √(α² + (1 − α²) (n·v)²), which densities are divided by, with respect to n·v
+    /// and α.
     #[inline(always)]
     pub fn slant_slopes(&self) -> V3 {
         let rest = 1.0 - self.alpha * self.alpha;
@@ -191,37 +193,38 @@ impl Facets {
         v3(by_nv, self.alpha * (1.0 - self.nv * self.nv) / self.rv, 0.0)
     }
 
-    /// Adds a derivative by n·v.
+    /// Adds a derivative with respect to n·v.
     #[inline(always)]
     pub fn nv_backward(&self, g: f32, by: &mut FacetsGradient) {
         by.normal += self.view * g;
         by.view += self.normal * g;
     }
 
-    /// D of visible facets: D max(0, v·h) G₁/(n·v), over max(0, v·h).
+    /// Returns the density of visible facets, D max(0, v·h) G₁/(n·v), divided by max(0, v·h).
     #[inline(always)]
     pub fn visible(&self, half: V3) -> f32 {
         2.0 * self.distribution(half) / (self.nv + self.rv)
     }
 
-    /// The direction in which a facet with a half vector reflects the view.
+    /// Returns the direction into which a facet with a half vector reflects the view.
     #[inline(always)]
     pub fn reflected(&self, half: V3) -> V3 {
         half * (2.0 * self.view.dot(half)) - self.view
     }
 }
 
-/// A half vector that was drawn, and how.
+/// A sampled half vector, with the intermediate values of its computation.
 #[apply(record!)]
 struct Drawn {
-    /// The view in the normal's frame, stretched, and the inverse of its length before it was made a unit vector.
+    /// The unit vector of the stretched view in the normal's frame, and the inverse of its length before
+    /// normalization.
     stretched: V3,
     inverse: f32,
-    /// The sine of the cap's point.
+    /// The sine of the sampled point of the cap.
     sine: f32,
-    /// The sum of the cap's point and the view.
+    /// The sum of the sampled point of the cap and the stretched view.
     sum: V3,
-    /// The half vector in the normal's frame, and the inverse of its length.
+    /// The half vector in the normal's frame, and the inverse of its length before normalization.
     local: V3,
     per_length: f32,
 }
@@ -250,13 +253,13 @@ impl Facets {
         }
     }
 
-    /// The half vector of a visible facet, for two uniform numbers.
+    /// Samples the half vector of a visible facet, for two uniform numbers.
     #[inline(always)]
     pub fn draw(&self, u: f32, v: f32) -> V3 {
         from_local(self.normal, self.drawn(u, v).local)
     }
 
-    /// Adds the derivatives of g·h of a half vector that was drawn, at fixed random numbers.
+    /// Adds the derivatives of g·h of a sampled half vector, at fixed random numbers.
     #[inline(always)]
     pub fn draw_backward(&self, u: f32, v: f32, g: V3, by: &mut FacetsGradient) {
         let d = self.drawn(u, v);
@@ -284,7 +287,7 @@ impl Facets {
         by.view += from_local(self.normal, by_view);
     }
 
-    /// The random numbers that a half vector would have been drawn by.
+    /// Returns the two random numbers that would have sampled a half vector.
     #[inline(always)]
     pub fn numbers_of(&self, half: V3) -> V3 {
         let view = to_local(self.normal, self.view);
@@ -303,13 +306,13 @@ impl Facets {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
-    /// Facets about a normal.
+    /// Returns the microfacets about a normal.
     #[inline(always)]
     pub(super) fn facets_about(&self, normal: V3) -> Facets {
         Facets::new(normal, self.incoming, self.exponent)
     }
 
-    /// Adds the derivatives by facets.
+    /// Adds derivatives with respect to the facets.
     #[inline(always)]
     pub(super) fn add_facets(
         &self,
@@ -323,7 +326,7 @@ impl Shading {
         gradient.exponent += found.roughness;
     }
 
-    /// Adds the derivatives of g·direction of a direction that facets reflected, at fixed random numbers.
+    /// Adds the derivatives of g·direction of a direction that a facet reflected, at fixed random numbers.
     #[inline(never)]
     pub(super) fn reflected_backward(
         &self,

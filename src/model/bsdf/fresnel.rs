@@ -1,12 +1,12 @@
-//! The share of light that an interface reflects, by the cosine of the angle to its normal.
+//! Fresnel reflectances of interfaces, as functions of the cosine to the normal.
 
 use crate::cube::*;
 use crate::model::{V3, v3};
 
-/// Numbers that are divided by are at least this.
+/// Lower bound of numbers that are divided by.
 const TINY: f32 = 1e-12;
 
-/// (1 − cos)⁵ of Schlick's F₀ + (1 − F₀) (1 − cos)⁵.
+/// Returns the factor (1 − cos)⁵ of Schlick's F₀ + (1 − F₀) (1 − cos)⁵.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn schlick(cosine: f32) -> f32 {
@@ -14,7 +14,7 @@ pub(super) fn schlick(cosine: f32) -> f32 {
     x * x * x * x * x
 }
 
-/// Its derivative.
+/// Returns the derivative of [`schlick`].
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn schlick_slope(cosine: f32) -> f32 {
@@ -22,7 +22,8 @@ pub(super) fn schlick_slope(cosine: f32) -> f32 {
     -5.0f32 * x * x * x * x
 }
 
-/// √((√(t₀² + 4 η² k²) + t₀)/2), of which a difference of nearly the same numbers would leave nothing where η is small.
+/// Returns √((√(t₀² + 4 η² k²) + t₀)/2). For t₀ ≤ 0 it avoids the difference of nearly equal numbers, which would
+/// cancel where η is small.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn half_angle(t0: f32, sum: f32, product: f32) -> f32 {
@@ -31,7 +32,7 @@ fn half_angle(t0: f32, sum: f32, product: f32) -> f32 {
     select(t0 <= 0.0, near, far)
 }
 
-/// A metal with the index η − i k, of unpolarised light: the reflectance.
+/// Returns the reflectance for unpolarized light of a conductor with the complex index η − i k.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn conductor(cosine: f32, eta: f32, k: f32) -> f32 {
@@ -49,7 +50,7 @@ pub(super) fn conductor(cosine: f32, eta: f32, k: f32) -> f32 {
     0.5 * across * (1.0 + ratio)
 }
 
-/// The derivatives of [`conductor`] by the cosine, η and k.
+/// Returns the derivatives of [`conductor`] with respect to the cosine, η and k.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn conductor_slopes(cosine: f32, eta: f32, k: f32) -> V3 {
@@ -97,8 +98,8 @@ pub(super) fn conductor_slopes(cosine: f32, eta: f32, k: f32) -> V3 {
     )
 }
 
-/// Clear matter, where light comes from the side of index 1 to that of index η: the reflectance, and its derivatives
-/// by the cosine and η. All of it is reflected where nothing can pass.
+/// Returns the reflectance of a dielectric, and its derivatives with respect to the cosine and η. Light comes from
+/// the side with index 1 to the side with index η. The reflectance is 1 under total internal reflection.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn dielectric(cosine: f32, eta: f32) -> V3 {
@@ -111,7 +112,7 @@ pub(super) fn dielectric(cosine: f32, eta: f32) -> V3 {
         let of_s = cosine + eta * passed;
         let p = (eta * cosine - passed) / of_p;
         let s = (cosine - eta * passed) / of_s;
-        // Of the reflectance by both amplitudes times those of the amplitudes.
+        // Derivatives of the reflectance with respect to both amplitudes, times those of the amplitudes.
         let by_p = 2.0 * p / (of_p * of_p);
         let by_s = 2.0 * s / (of_s * of_s);
         let by_passed = -(by_p + by_s) * eta * cosine;
@@ -133,16 +134,16 @@ mod tests {
         );
     }
 
-    /// Gold in red light, by the complex amplitudes of Fresnel's equations, and glass along its normal.
+    /// Gold in red light, against the complex amplitudes of Fresnel's equations, and glass along its normal.
     #[test]
     fn reflectances() {
-        // cos 60°, η − i k = 0.143 − 3.983 i: |r_s|² = 0.98220, |r_p|² = 0.92983.
+        // Normal incidence, η − i k = 0.143 − 3.983 i.
         close(conductor(1.0, 0.143, 3.983), 0.966_63, "gold");
         close(dielectric(1.0, 1.5).x, 0.04, "glass");
         close(dielectric(0.0, 1.5).x, 1.0, "glass at the horizon");
         close(dielectric(0.5, 1.5).x, 0.089_18, "glass at 60°");
         assert_eq!(dielectric(0.5, 1.0 / 1.5).x, 1.0);
-        // Without absorption a metal is glass.
+        // Without absorption a conductor is a dielectric.
         close(conductor(0.5, 1.5, 0.0), dielectric(0.5, 1.5).x, "as glass");
     }
 

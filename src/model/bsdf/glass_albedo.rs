@@ -1,37 +1,39 @@
-//! A fit of how much light an interface of clear matter scatters altogether, by the cosine to the view, α and the index
-//! of refraction.
+//! A fit of the directional albedo of a dielectric interface as a function of the view's cosine, α and the index of
+//! refraction.
 //!
-//! Facets turn some light to the wrong side, and hide some that they turn to the right one; what is left of one
-//! reflection or refraction is less than all by L = √α fade(cos) P(t, r, s), with t = cos/(cos + α), r = √α and s a
-//! function of the index, each scaled to about [−1, 1]. P are polynomials, fitted by least squares to the largest
-//! relative error over sums of 6,000 half vectors each, for cosines from 0.03, α up to 1 and indices up to 2.6: by
-//! 1.6 % at most, by 2.6 % where light leaves an index under 1.3. Margins of that much keep the albedo at most 1.
+//! Facets turn some light to the wrong side, and occlude some that they turn to the right side. So the albedo for a
+//! single reflection or refraction is 1 − L with L = √α fade(cos) P(t, r, s). Here t = cos/(cos + α), r = √α, and s
+//! is a function of the index, each scaled to about [−1, 1].
+//!
+//! The polynomials P minimize the largest relative error against sums of 6,000 half vectors each, for cosines from
+//! 0.03, α up to 1 and indices up to 2.6. They were fitted by least squares. The error is at most 1.6 %, or 2.6 %
+//! where light leaves an index below 1.3. Margins of that size keep the albedo at most 1.
 
 use super::albedo::{Fit, cubic};
 use crate::cube::*;
 use crate::model::{V2, V3, splat, v2, v3};
 
-/// The largest index of the fit; a larger one loses light.
+/// Largest index of the fit; a larger index loses light.
 const MOST_INDEX: f32 = 2.6;
-/// The fit for faint contrasts knows cosines from here on.
+/// Lowest cosine of the fit for low contrasts.
 const LEAST_COSINE: f32 = 0.08;
-/// Light that is lost near the horizon is given back less, by cos/(cos + this).
+/// Compensation near the horizon is reduced by cos/(cos + this).
 const FADE: f32 = 0.005;
-/// The indices between which one fit goes over into the other, and how fast: slowly, so that the little by which they
-/// differ hardly shows in derivatives by the index.
+/// Indices between which the two fits for leaving light are blended, and the speed of the blend. It is slow, so that
+/// the small difference between the fits hardly affects derivatives with respect to the index.
 const FAINT: f32 = 1.22;
 const CLEAR: f32 = 1.38;
 const BLEND: f32 = 1.0 / (CLEAR - FAINT);
-/// How fast s grows with the cosine of the critical angle, or with its square root where contrasts are faint.
+/// Scale of s in the cosine of the critical angle, or in its square root for low contrasts.
 const SPEED_ENTERING: f32 = 1.0 / 0.46;
 const SPEED_LEAVING: f32 = 1.0 / 0.16;
 const SPEED_FAINT: f32 = 1.0 / 0.3;
-/// How much more than the fits the albedo counts as.
+/// Safety factors of the fitted albedo.
 const MORE_ENTERING: f32 = 1.0118;
 const MORE_LEAVING: f32 = 1.015;
 const MORE_FAINT: f32 = 1.0255;
 
-/// A polynomial in t, r and s with its derivatives.
+/// Value of a polynomial in t, r and s, with its derivatives.
 #[apply(record!)]
 struct Lost {
     value: f32,
@@ -40,14 +42,14 @@ struct Lost {
     by_s: f32,
 }
 
-/// What is left of light, and its derivatives by the cosine, α and the index.
+/// The albedo, and its derivatives with respect to the cosine, α and the index.
 #[apply(record!)]
 struct Left {
     value: f32,
     by: V3,
 }
 
-/// a + b x + c x² + d x³ + e x⁴ and its derivative.
+/// Returns a + b x + c x² + d x³ + e x⁴ and its derivative.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn quartic(x: f32, a: f32, b: f32, c: f32, d: f32, e: f32) -> V2 {
@@ -55,7 +57,7 @@ fn quartic(x: f32, a: f32, b: f32, c: f32, d: f32, e: f32) -> V2 {
     v2(a + x * rest.x, rest.x + x * rest.y)
 }
 
-/// A polynomial in r whose coefficients depend on s: its value and its derivatives by r and s.
+/// Evaluates a polynomial in r whose coefficients depend on s: its value and its derivatives with respect to r and s.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn along_r(r: f32, a: V2, b: V2, c: V2, d: V2, e: V2) -> V3 {
@@ -64,7 +66,7 @@ fn along_r(r: f32, a: V2, b: V2, c: V2, d: V2, e: V2) -> V3 {
     v3(along.x, along.y, across.x)
 }
 
-/// A polynomial in t whose coefficients depend on r and s.
+/// Evaluates a polynomial in t whose coefficients depend on r and s.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn along_t(t: f32, a: V3, b: V3, c: V3, d: V3) -> Lost {
@@ -77,7 +79,7 @@ fn along_t(t: f32, a: V3, b: V3, c: V3, d: V3) -> Lost {
     }
 }
 
-/// Where light enters what is denser.
+/// Returns P where light enters the denser side.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn entering(t: f32, r: f32, s: f32) -> Lost {
@@ -117,7 +119,7 @@ fn entering(t: f32, r: f32, s: f32) -> Lost {
     along_t(t, a, b, c, d)
 }
 
-/// Where light leaves what is denser, by an index of about 1.3 or more.
+/// Returns P where light leaves the denser side, for an index of about 1.3 or more.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn leaving(t: f32, r: f32, s: f32) -> Lost {
@@ -156,7 +158,7 @@ fn leaving(t: f32, r: f32, s: f32) -> Lost {
     along_t(t, a, b, c, d)
 }
 
-/// Where light leaves what is hardly denser.
+/// Returns P where light leaves the denser side, for an index close to 1.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn leaving_faintly(t: f32, r: f32, s: f32) -> Lost {
@@ -195,14 +197,15 @@ fn leaving_faintly(t: f32, r: f32, s: f32) -> Lost {
     along_t(t, a, b, c, d)
 }
 
-/// What is left at a cosine and α, by what is lost with s and its derivative by the index.
+/// Returns the albedo at a cosine and α, from the value of the polynomial P and the derivative of s with respect to
+/// the index.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn left(cosine: f32, alpha: f32, lost: Lost, by_index: f32, more: f32, fade: V2) -> Left {
     let sum = 1.0 / (cosine + alpha);
     let root = alpha.sqrt();
     let scale = root * fade.x;
-    // t and r go from −1 to 1, at twice the speed.
+    // t and r are scaled to [−1, 1], which doubles their derivatives.
     let by_t = 2.0 * scale * lost.by_t * sum * sum;
     let by_cosine = by_t * alpha + root * fade.y * lost.value;
     let by_alpha = (0.5 * fade.x * lost.value) / root + fade.x * lost.by_r - by_t * cosine;
@@ -219,8 +222,8 @@ fn left(cosine: f32, alpha: f32, lost: Lost, by_index: f32, more: f32, fade: V2)
     }
 }
 
-/// 1/E, where E is the albedo of an interface that absorbs nothing, by the index of refraction on the other side over
-/// that on the view's.
+/// Returns 1/E, where E is the albedo of an interface without absorption. `eta` is the index of refraction on the
+/// other side over the index on the view's side.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn given_back(cosine: f32, alpha: f32, eta: f32) -> Fit {
@@ -257,7 +260,7 @@ pub(crate) fn given_back(cosine: f32, alpha: f32, eta: f32) -> Fit {
             fade,
         );
     } else {
-        // From one fit to the other by x² (3 − 2 x).
+        // Blend the two fits by x² (3 − 2 x).
         let x = ((index - FAINT) * BLEND).max(0.0).min(1.0);
         let share = x * x * (3.0 - 2.0 * x);
         let by_share = 6.0 * x * (1.0 - x) * BLEND;
@@ -306,7 +309,7 @@ pub(crate) fn given_back(cosine: f32, alpha: f32, eta: f32) -> Fit {
 mod tests {
     use super::*;
 
-    /// On both sides, in each of the fits, between them and where one is clamped.
+    /// On both sides, in each fit, between the fits, and where the index or the cosine is clamped.
     #[test]
     fn derivatives_of_what_is_given_back() {
         let h = 1e-3;

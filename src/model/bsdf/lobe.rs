@@ -1,4 +1,4 @@
-//! Where light that a surface scatters comes from, for searches of edges.
+//! Lobes of directions from which a surface scatters light, for edge searches.
 
 use super::Shading;
 #[cfg(feature = "wgpu")]
@@ -8,32 +8,33 @@ use crate::model::cone::widened;
 use crate::model::frame::SinCos;
 use crate::model::{V3, splat};
 
-/// Lobes of facets with a smaller cosine of their half-angle are looked for over the whole hemisphere.
+/// Microfacet lobes with a smaller cosine of their half-angle are searched over the whole hemisphere.
 const WIDEST: f32 = 0.36;
-/// The probability of the inner part of a lobe of facets, which has a long tail.
+/// Probability of the inner part of a microfacet lobe, which has a long tail.
 const INNER: f32 = 0.75;
 
-/// Directions of a lobe in which edges are looked for, or a part of them.
+/// Directions of a lobe, or of a part of it, in which edges are searched.
 #[apply(record!)]
 pub(crate) struct Lobe {
-    /// A cone that holds them, by the cosine and sine of its half-angle: about the normal it is the hemisphere.
+    /// A cone that contains them, with the cosine and sine of its half-angle; the cone about the normal is the
+    /// hemisphere.
     pub axis: V3,
     pub cos: f32,
     pub sin: f32,
-    /// How fast the lobe falls from its axis.
+    /// Falloff of the lobe from its axis.
     pub exponent: f32,
-    /// The part of them: within a cone about the lobe of facets or outside of it.
+    /// The part: inside or outside of a cone about the center of the microfacet lobe.
     core: V3,
     core_cos: f32,
     inside: bool,
-    /// The probability with which the part was chosen, and a uniform number that is left.
+    /// The probability with which the part was chosen, and the remaining uniform number.
     pub chance: f32,
     pub rest: f32,
 }
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Lobe {
-    /// The hemisphere about a normal.
+    /// Returns the hemisphere about a normal.
     #[inline(always)]
     pub fn whole(normal: V3) -> Lobe {
         Lobe {
@@ -49,15 +50,15 @@ impl Lobe {
         }
     }
 
-    /// Whether a direction belongs to the part.
+    /// Returns whether a direction belongs to the part.
     #[inline(always)]
     pub fn holds(&self, direction: V3) -> bool {
-        // Vulkan's kernels don't compare what is true or false.
+        // Vulkan kernels do not support comparison of booleans.
         let held = direction.dot(self.core) >= self.core_cos;
         select(self.inside, held, !held)
     }
 
-    /// Takes a cone, widened by that of the rays, of which `tangent` is that of the half-angle.
+    /// Sets the cone's half-angle, widened by the cone of rays; `tangent` is the tangent of the rays' half-angle.
     #[inline(always)]
     pub(super) fn narrow(&mut self, cos: f32, tangent: f32) {
         let half = SinCos {
@@ -68,12 +69,12 @@ impl Lobe {
         self.sin = (1.0 - self.cos * self.cos).max(0.0).sqrt();
     }
 
-    /// Takes a part of the lobe of facets about the direction `core` of smooth ones, where directions turn `turns` times
-    /// as far as facets of α do.
+    /// Selects a part of the microfacet lobe. `core` is the direction for a smooth surface, and directions turn
+    /// `turns` times as far as facets do.
     #[inline(always)]
     pub(super) fn take_facets(&mut self, core: V3, turns: f32, alpha: f32, tangent: f32) {
         self.core = core;
-        // A cone that holds 94 % of facets' light.
+        // A cone that contains 94 % of the facets' light.
         let half = 2.0 * turns * alpha;
         let square = half * half;
         let cos = (1.0 - square) / (1.0 + square);
@@ -86,7 +87,7 @@ impl Lobe {
                 self.rest = rest / INNER;
                 let width = turns * alpha;
                 self.axis = core;
-                // It falls about as 1/(1 + (1 − cos) (n − 1))².
+                // It falls off roughly as 1/(1 + (1 − cos) (n − 1))².
                 self.exponent = 1.0 + 2.0 / (width * width);
                 self.narrow(cos, tangent);
             } else {
@@ -101,7 +102,8 @@ impl Lobe {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
-    /// The glossy lobe or the rest, widened by the cone of rays; of facets a part of it, chosen by a uniform number.
+    /// Returns the specular lobe or the other lobe, widened by the cone of rays. For microfacets it is a part of the
+    /// lobe, chosen by a uniform number.
     #[inline(always)]
     pub fn lobe(&self, of_gloss: bool, choice: f32, tangent: f32) -> Lobe {
         let mut lobe = Lobe {

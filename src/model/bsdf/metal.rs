@@ -1,8 +1,9 @@
-//! Facets that reflect: a metal by Fresnel's equations, and glTF's metallic–roughness with what lies below its facets.
+//! Reflection by microfacets: conductors by Fresnel's equations, and glTF's metallic-roughness model with a diffuse
+//! base below the facets.
 //!
-//! f·cos θ = D X + Y with X = R V cos θ of facets, R their reflectance with what is given back, and Y of what lies
-//! below; directions have the density D S + T. So derivatives of a sample's weight hold no difference of terms with
-//! the derivative of D, which is steep where facets are smooth.
+//! f·cos θ = D X + Y. X = R V cos θ belongs to the facets, with R their reflectance including compensation. Y belongs
+//! to the diffuse base. Directions have the density D S + T. In this form the derivatives of a sample's weight
+//! contain no difference of terms with the derivative of D, which is steep for smooth surfaces.
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -18,10 +19,10 @@ use crate::cube::*;
 use crate::model::frame::{from_local, from_local_backward};
 use crate::model::{V3, splat, v3};
 
-/// The least probability of each of two lobes that there are.
+/// Minimum probability of each of the two lobes if both exist.
 const LEAST_SHARE: f32 = 0.05;
 
-/// Derivatives of a loss by the terms X, Y, D, S and T.
+/// Derivatives of a loss with respect to the terms X, Y, D, S and T.
 #[apply(record!)]
 struct TermsGradient {
     x: V3,
@@ -31,7 +32,7 @@ struct TermsGradient {
     t: f32,
 }
 
-/// The probability of a direction of facets, about their share of what is reflected.
+/// Returns the probability of sampling the microfacet lobe, which is roughly its fraction of the reflected light.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn gloss(shading: &Shading) -> f32 {
@@ -51,7 +52,7 @@ pub(super) fn gloss(shading: &Shading) -> f32 {
     share
 }
 
-/// f·cos θ of metal and of metallic–roughness.
+/// Returns f·cos θ of a conductor or of metallic-roughness.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(never)]
 pub(super) fn evaluate(shading: &Shading, outgoing: V3) -> V3 {
@@ -71,7 +72,7 @@ pub(super) fn evaluate(shading: &Shading, outgoing: V3) -> V3 {
     sum
 }
 
-/// Adds the derivatives of g·f·cos θ; returns that by the outgoing direction.
+/// Adds the derivatives of g·f·cos θ, and returns the one with respect to the outgoing direction.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(never)]
 pub(super) fn evaluate_backward(
@@ -99,7 +100,7 @@ pub(super) fn evaluate_backward(
     by_outgoing
 }
 
-/// The density of directions of facets, and of those from below, about a normal: each times its probability.
+/// Returns the densities, about a normal, of the microfacet lobe and of the diffuse base, each times its probability.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
@@ -110,7 +111,7 @@ pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
     v3(gloss * facets, (1.0 - gloss) * below, 0.0)
 }
 
-/// Draws a facet that reflects, or from the cosine about a normal.
+/// Samples a microfacet that reflects, or a cosine-distributed direction about a normal.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(never)]
 pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32) {
@@ -124,7 +125,7 @@ pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32
     drawn.weight = splat(1.0);
 }
 
-/// Adds the derivatives of g·weight of a direction that was drawn; returns that by the direction.
+/// Adds the derivatives of g·weight of a sampled direction, and returns the one with respect to the direction.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(never)]
 pub(super) fn weight_backward(
@@ -165,7 +166,7 @@ pub(super) fn weight_backward(
     by_outgoing
 }
 
-/// The numbers of the facet that reflects the view into a direction.
+/// Sets the random numbers that would have sampled the facet that reflects the view into a direction.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn as_drawn(shading: &Shading, drawn: &mut Scatter) {
@@ -177,7 +178,7 @@ pub(super) fn as_drawn(shading: &Shading, drawn: &mut Scatter) {
     }
 }
 
-/// Adds the derivatives of g·direction of a direction that was drawn, at fixed random numbers.
+/// Adds the derivatives of g·direction of a sampled direction, at fixed random numbers.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn direction_backward(
@@ -193,7 +194,7 @@ pub(super) fn direction_backward(
     }
 }
 
-/// The part of directions that facets reflect to.
+/// Narrows a lobe to the directions that microfacets reflect to.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(never)]
 pub(super) fn lobe(shading: &Shading, lobe: &mut Lobe, of_gloss: bool, tangent: f32) {
@@ -205,7 +206,8 @@ pub(super) fn lobe(shading: &Shading, lobe: &mut Lobe, of_gloss: bool, tangent: 
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
-    /// Adds the derivatives of the terms; returns that by the outgoing direction, which is above the surface.
+    /// Adds the derivatives of the terms, and returns the one with respect to the outgoing direction, which is above
+    /// the surface.
     #[inline(always)]
     fn terms_backward(
         &self,

@@ -1,10 +1,9 @@
-//! How surfaces scatter light, a file a model ([`models`]), on both sides of a surface.
+//! BSDFs of surfaces, one file per model ([`models`]), on both sides of a surface.
 //!
-//! cos θ is that to the shading normal, but where a direction comes close to the geometric horizon, at
-//! most four times the cosine to the geometric normal: so what is reflected vanishes at the horizon, where
-//! the surface begins to hide the light, and does not jump.
+//! cos θ is the cosine to the shading normal, but at most four times the cosine to the geometric normal. So near the
+//! geometric horizon, where the surface begins to occlude the light, the reflected light goes to 0 and does not jump.
 
-#![allow(unused_assignments)] // Variables of a kernel need a first value.
+#![allow(unused_assignments)] // Kernel variables need an initial value.
 
 mod albedo;
 mod dielectric;
@@ -24,7 +23,7 @@ mod tests;
 
 use super::{Pair, V3, splat};
 use crate::cube::*;
-use crate::scene::Bsdf;
+use crate::scene::BsdfKind;
 
 pub(crate) use albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
 pub(crate) use glass_albedo::given_back;
@@ -40,52 +39,54 @@ models! {
     dielectric: Dielectric;
 }
 
-/// A shaded point: directions, and what its material is there.
+/// A shading point: its directions, and the material parameters there.
 #[apply(zeroed!)]
 pub(crate) struct Shading {
-    /// Unit normals on the side that the ray came from.
+    /// Unit normals on the side that the ray came from: the geometric and the shading normal.
     pub geometric: V3,
     pub normal: V3,
-    /// The ray's direction.
+    /// Direction of the incoming ray.
     pub incoming: V3,
-    /// The parameters of the material, by its model: k_d, base colour or η.
+    /// Material parameter by model: k_d, base color or η.
     pub diffuse: V3,
-    /// k_s, where the material is glossy; k; metallic or the index of refraction, the first number.
+    /// k_s of a glossy Phong material; k of a conductor; or, in the first component, metallic or the index of
+    /// refraction.
     pub specular: V3,
-    /// n, where the material is glossy, or the roughness.
+    /// The Phong exponent n of a glossy material, or the roughness.
     pub exponent: f32,
     pub glossy: bool,
-    /// Whether the two normals are not the same.
+    /// Whether the two normals may differ.
     pub smooth: bool,
-    /// The number of its [`Bsdf`].
+    /// The integer value of its [`BsdfKind`].
     pub model: u32,
-    /// Whether light that facets lose is given back.
+    /// Whether multiple-scattering compensation is enabled: light lost between microfacets is added back.
     pub compensated: bool,
-    /// Whether the ray came from behind the front, which is inside of a dielectric.
+    /// Whether the ray came from behind the front side, which is the inside of a dielectric.
     pub inside: bool,
     #[cfg_attr(feature = "wgpu", cube(comptime))]
     pub models: Models,
-    /// Two normals, about one of which directions are drawn in place of its own: those of both faces of a
-    /// crease, so that a path on either side goes the same way and their difference is as small as the
-    /// crease is flat.
+    /// Two normals, about one of which directions are sampled instead of the shading normal: the normals of both
+    /// faces of a crease. Paths on either side then go the same way, and their difference is as small as the crease
+    /// is flat.
     pub pair: Pair,
     pub paired: bool,
-    /// Whether the direction is mirrored in the plane between both: with the light along it and its mirror image
-    /// together, none of the difference is left where light is the same from all directions.
+    /// Whether the sampled direction is mirrored in the plane between the two normals. The sum over a direction and
+    /// its mirror image leaves no difference where light is the same from all directions.
     pub mirrored: bool,
 }
 
 impl Shading {
-    /// Whether it is matt alone: what it scatters then takes the same steps for every direction.
+    /// Returns whether the material is purely diffuse and `pair` is not used: sampling then takes the same steps for
+    /// every direction.
     #[inline(always)]
     pub fn is_matt(&self) -> bool {
         self.scatters_evenly() && !self.paired
     }
 
-    /// It as one that is known to be matt.
+    /// Returns it with the fields that are known for a purely diffuse material.
     #[inline(always)]
     pub fn as_matt(mut self) -> Self {
-        self.model = Bsdf::Phong as u32;
+        self.model = BsdfKind::Phong as u32;
         self.models = Models::MATT;
         (self.glossy, self.paired) = (false, false);
         self
@@ -94,17 +95,17 @@ impl Shading {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
-    /// Whether it has no lobe but the matt one, so that directions about two normals may be mirrored.
+    /// Returns whether the diffuse lobe is the only one, so that directions about two normals may be mirrored.
     #[inline(always)]
     pub fn scatters_evenly(&self) -> bool {
-        self.model == Bsdf::Phong as u32 && !self.glossy
+        self.model == BsdfKind::Phong as u32 && !self.glossy
     }
 }
 
-/// The squared difference of two normals up to which they are the same but for rounding.
+/// Normals whose squared difference is at most this are equal up to rounding.
 const ALIKE: f32 = 1e-6;
 
-/// Whether two normals differ, so that there is a plane between them to mirror directions in.
+/// Returns whether two normals differ, so that there is a plane between them to mirror directions in.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn normals_differ(pair: &Pair) -> bool {
@@ -112,7 +113,7 @@ pub(crate) fn normals_differ(pair: &Pair) -> bool {
     across.dot(across) > ALIKE
 }
 
-/// Derivatives by what a shaded point is made of.
+/// Derivatives with respect to the fields of [`Shading`].
 #[apply(zeroed!)]
 pub(crate) struct ShadingGradient {
     pub geometric: V3,
@@ -123,16 +124,16 @@ pub(crate) struct ShadingGradient {
     pub exponent: f32,
 }
 
-/// Directions drawn by a number nearer to 0 or 1 have derivatives without bound.
+/// Random numbers are kept this far from 0 and 1, where derivatives of sampled directions are unbounded.
 const LEAST: f32 = 1e-7;
-/// The cosine to the shading normal counts up to so many times that to the geometric one.
+/// The cosine to the shading normal is at most this multiple of the cosine to the geometric normal.
 pub(crate) const HORIZON: f32 = 4.0;
-/// Densities under this can't have been drawn.
+/// Directions with a smaller density cannot have been sampled.
 const IMPOSSIBLE: f32 = 1e-20;
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
-    /// The mirror direction.
+    /// Returns the mirror direction about the shading normal.
     #[inline(always)]
     pub fn mirror(&self) -> V3 {
         self.mirror_about(self.normal)
@@ -151,14 +152,14 @@ impl Shading {
             g * (2.0 * self.normal.dot(self.incoming)) + self.incoming * (2.0 * along);
     }
 
-    /// cos θ, 0 below the surface.
+    /// Returns cos θ, limited near the geometric horizon and 0 below the surface.
     #[inline(always)]
     pub(super) fn cosine(&self, outgoing: V3) -> f32 {
         let shaded = self.normal.dot(outgoing);
         shaded.min(HORIZON * self.geometric.dot(outgoing)).max(0.0)
     }
 
-    /// Adds the derivatives of g·cos θ where it is not 0; returns that by the outgoing direction.
+    /// Adds the derivatives of g·cos θ where it is not 0, and returns the one with respect to the outgoing direction.
     #[inline(always)]
     pub(super) fn cosine_backward(
         &self,
@@ -177,7 +178,7 @@ impl Shading {
         by_outgoing
     }
 
-    /// The density per solid angle with which [`Shading::sample`] draws a direction.
+    /// Returns the solid-angle density with which [`Shading::sample`] samples a direction.
     #[inline(always)]
     pub fn density(&self, outgoing: V3) -> f32 {
         let mut normal = self.normal;
@@ -188,7 +189,7 @@ impl Shading {
             share = 0.5f32;
             left = 2u32;
         }
-        // A kernel has one place for each function that is called.
+        // A loop, so that a kernel contains the called function only once.
         let mut density = 0.0f32;
         while left > 0 {
             let densities = self.densities(normal, outgoing);
@@ -199,7 +200,7 @@ impl Shading {
         density
     }
 
-    /// The share of a lobe in the density of a direction.
+    /// Returns the fraction of a direction's density that is due to one lobe.
     #[inline(always)]
     pub fn share_of_lobe(&self, outgoing: V3, of_gloss: bool) -> f32 {
         let densities = self.densities(self.normal, outgoing);

@@ -1,15 +1,15 @@
-//! The models of BSDFs: which of them a shading may be of, and the choice of the one that it is of.
+//! The BSDF models: the set of models that a shading may use, and dispatch to the model that it uses.
 
-/// Makes [`Models`] and the choice between models from a list of them: a file of this folder each, with the BSDFs that
-/// it computes.
+/// Defines [`Models`] and the dispatch between models from a list of files in this folder, each with the BSDFs it
+/// computes.
 ///
-/// A file has these functions of a shading: `gloss`, `evaluate`, `evaluate_backward`, `densities`, `draw`,
-/// `weight_backward`, `as_drawn`, `direction_backward` and `lobe`, which the methods of [`Shading`] here describe. Calls
-/// begin with `self`, since what `cube` adds to them has the hygiene of their first word.
+/// Each file defines these functions of a shading: `gloss`, `evaluate`, `evaluate_backward`, `densities`, `draw`,
+/// `weight_backward`, `as_drawn`, `direction_backward` and `lobe`. The methods of [`Shading`] here describe them.
+/// Calls begin with `self`, since the code that `cube` adds has the hygiene of a call's first token.
 macro_rules! models {
     ($($model:ident: $($bsdf:ident)|+;)+) => {
-        /// The models that a shading may be of. Kernels on GPUs know them when they are compiled, so that they need not
-        /// hold what a scene does not have.
+        /// The models that a shading may use. They are compile-time constants of GPU kernels, so kernels omit models
+        /// that a scene does not use.
         #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
         #[macro_rules_attribute::macro_rules_derive(crate::lanes::lanes)]
         pub(crate) struct Models {
@@ -28,16 +28,16 @@ macro_rules! models {
                 $($model: true),+
             };
 
-            pub const MATT: Self = Self::of(Bsdf::Phong);
+            pub const MATT: Self = Self::of(BsdfKind::Phong);
 
             #[inline(always)]
-            pub const fn of(bsdf: Bsdf) -> Self {
+            pub const fn of(bsdf: BsdfKind) -> Self {
                 Self {
-                    $($model: matches!(bsdf, $(Bsdf::$bsdf)|+)),+
+                    $($model: matches!(bsdf, $(BsdfKind::$bsdf)|+)),+
                 }
             }
 
-            /// Whether any is not Phong's.
+            /// Returns whether any model other than Phong is in the set.
             #[inline(always)]
             pub fn has_others(self) -> bool {
                 false $(|| self.$model && !Self::MATT.$model)+
@@ -52,21 +52,21 @@ macro_rules! models {
 
         known_to_kernels!(Models);
 
-        /// Whether a shading is of a model.
+        /// Tests whether a shading uses a model.
         mod is {
             use super::Shading;
             use crate::cube::*;
-            use crate::scene::Bsdf;
+            use crate::scene::BsdfKind;
 
             $(
                 #[cfg_attr(feature = "wgpu", cube)]
                 #[inline(always)]
                 pub(super) fn $model(shading: &Shading) -> bool {
                     let mut own = true;
-                    // All are Phong's where no other model is known.
+                    // All shadings are Phong if no other model is in the set.
                     if comptime!(shading.models.has_others()) {
                         own = false;
-                        $(let one = shading.model == const { Bsdf::$bsdf as u32 };
+                        $(let one = shading.model == const { BsdfKind::$bsdf as u32 };
                         own = own || one;)+
                     }
                     own
@@ -76,7 +76,7 @@ macro_rules! models {
 
         #[cfg_attr(feature = "wgpu", cube)]
         impl Shading {
-            /// The probability of the specular lobe, about its share of what is scattered.
+            /// Returns the probability of the specular lobe, which is roughly its fraction of the scattered light.
             #[inline(always)]
             pub fn gloss(&self) -> f32 {
                 let mut found = 0.0f32;
@@ -88,7 +88,7 @@ macro_rules! models {
                 found
             }
 
-            /// f·cos θ.
+            /// Returns f·cos θ.
             #[inline(always)]
             pub fn evaluate(&self, outgoing: V3) -> V3 {
                 let mut found = splat(0.0);
@@ -100,7 +100,7 @@ macro_rules! models {
                 found
             }
 
-            /// Adds the derivatives of g·f·cos θ; returns that by the outgoing direction.
+            /// Adds the derivatives of g·f·cos θ, and returns the one with respect to the outgoing direction.
             #[inline(always)]
             pub fn evaluate_backward(
                 &self,
@@ -117,7 +117,7 @@ macro_rules! models {
                 found
             }
 
-            /// The densities about a normal of a direction as one of the specular lobe, and as one of the other: each
+            /// Returns the densities of a direction, about a normal, in the specular lobe and in the other lobe, each
             /// times the lobe's probability.
             #[inline(always)]
             fn densities(&self, normal: V3, outgoing: V3) -> V3 {
@@ -130,8 +130,9 @@ macro_rules! models {
                 found
             }
 
-            /// Draws a direction about a normal by the numbers of `drawn`, which has a direction of a matt surface in
-            /// its frame, and a number for the lobe. The weight becomes 1, but where light is lost.
+            /// Samples a direction about a normal. `drawn` holds the random numbers and a diffuse direction in the
+            /// local frame; `lobe` is the random number for the lobe. Sets the weight to 1, except where light is
+            /// lost.
             #[inline(always)]
             fn draw(&self, drawn: &mut Scatter, normal: V3, lobe: f32) {
                 $(if comptime!(self.models.$model) {
@@ -141,7 +142,8 @@ macro_rules! models {
                 })+
             }
 
-            /// Adds the derivatives of g·weight of a direction that was drawn; returns that by the direction.
+            /// Adds the derivatives of g·weight of a sampled direction, and returns the one with respect to the
+            /// direction.
             #[inline(always)]
             fn weight_backward(&self, drawn: &Scatter, g: V3, gradient: &mut ShadingGradient) -> V3 {
                 let mut found = splat(0.0);
@@ -153,8 +155,8 @@ macro_rules! models {
                 found
             }
 
-            /// Sets the frame's direction and the numbers that a direction would have been drawn by; those are of a matt
-            /// surface before.
+            /// Sets the local direction and the random numbers that would have sampled a direction. Before the call,
+            /// they are those of a diffuse surface.
             #[inline(always)]
             fn set_numbers(&self, drawn: &mut Scatter) {
                 $(if comptime!(self.models.$model) {
@@ -164,7 +166,7 @@ macro_rules! models {
                 })+
             }
 
-            /// Adds the derivatives of g·direction of a direction that was drawn, at fixed random numbers.
+            /// Adds the derivatives of g·direction of a sampled direction, at fixed random numbers.
             #[inline(always)]
             pub fn direction_backward(
                 &self,
@@ -179,7 +181,8 @@ macro_rules! models {
                 })+
             }
 
-            /// Makes the whole hemisphere the glossy lobe or the rest, widened by the cone of rays.
+            /// Narrows a lobe from the whole hemisphere to the specular lobe or the other lobe, widened by the cone
+            /// of rays.
             #[inline(always)]
             fn narrow_lobe(&self, lobe: &mut Lobe, of_gloss: bool, tangent: f32) {
                 $(if comptime!(self.models.$model) {
@@ -189,11 +192,11 @@ macro_rules! models {
                 })+
             }
 
-            /// The geometric normal on the side on which a ray leaves: the other one, if it is refracted.
+            /// Returns the geometric normal on the side on which a ray leaves. It is flipped if the ray is refracted.
             #[inline(always)]
             pub fn outer(&self, direction: V3) -> V3 {
                 let mut normal = self.geometric;
-                $(if comptime!(self.models.$model && (false $(|| Bsdf::$bsdf.refracts())+)) {
+                $(if comptime!(self.models.$model && (false $(|| BsdfKind::$bsdf.refracts())+)) {
                     let refracted = is::$model(self) && self.geometric.dot(direction) < 0.0;
                     if refracted {
                         normal = -normal;

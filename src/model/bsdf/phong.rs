@@ -1,4 +1,4 @@
-//! Lambert plus normalised Phong: f = k_d/π + k_s (n + 2)/(2π) cosⁿα, on both sides of a surface.
+//! Lambert plus normalized Phong: f = k_d/π + k_s (n + 2)/(2π) cosⁿα, on both sides of a surface.
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 
@@ -11,7 +11,7 @@ use crate::model::frame::{
 };
 use crate::model::{V3, splat, v3};
 
-/// The share of the specular lobe in the albedo.
+/// Returns the fraction of the albedo that is due to the specular lobe.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn gloss(shading: &Shading) -> f32 {
@@ -23,7 +23,7 @@ pub(super) fn gloss(shading: &Shading) -> f32 {
     share
 }
 
-/// f·cos θ.
+/// Returns f·cos θ.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn evaluate(shading: &Shading, outgoing: V3) -> V3 {
@@ -34,7 +34,7 @@ pub(super) fn evaluate(shading: &Shading, outgoing: V3) -> V3 {
     f
 }
 
-/// Adds the derivatives of g·f·cos θ; returns that by the outgoing direction.
+/// Adds the derivatives of g·f·cos θ, and returns the one with respect to the outgoing direction.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn evaluate_backward(
@@ -62,7 +62,7 @@ pub(super) fn evaluate_backward(
     by_outgoing
 }
 
-/// The densities of the lobe about the mirror direction, and of the cosine.
+/// Returns the densities of the lobe about the mirror direction and of the cosine lobe, each times its probability.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
@@ -76,7 +76,7 @@ pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
     found
 }
 
-/// Draws from the cosine about a normal, or from the lobe about the mirror direction.
+/// Samples the cosine lobe about a normal, or the lobe about the mirror direction.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32) {
@@ -90,7 +90,7 @@ pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32
     drawn.weight = splat(1.0);
 }
 
-/// Adds the derivatives of g·weight of a direction that was drawn; returns that by the direction.
+/// Adds the derivatives of g·weight of a sampled direction, and returns the one with respect to the direction.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn weight_backward(
@@ -124,7 +124,7 @@ pub(super) fn weight_backward(
     by_drawn
 }
 
-/// The numbers that a direction of the specular lobe would have been drawn by.
+/// Sets the random numbers that would have sampled a direction of the specular lobe.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn as_drawn(shading: &Shading, drawn: &mut Scatter) {
@@ -137,7 +137,7 @@ pub(super) fn as_drawn(shading: &Shading, drawn: &mut Scatter) {
     }
 }
 
-/// Adds the derivatives of g·direction of a direction that was drawn, at fixed random numbers.
+/// Adds the derivatives of g·direction of a sampled direction, at fixed random numbers.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn direction_backward(
@@ -164,7 +164,7 @@ pub(super) fn direction_backward(
     }
 }
 
-/// The cone about the mirror direction outside of which the glossy lobe is nearly 0.
+/// Narrows a lobe to the cone about the mirror direction outside of which the specular lobe is nearly 0.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn lobe(shading: &Shading, lobe: &mut Lobe, of_gloss: bool, tangent: f32) {
@@ -179,20 +179,20 @@ pub(super) fn lobe(shading: &Shading, lobe: &mut Lobe, of_gloss: bool, tangent: 
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
-    /// f·cos θ of the matt lobe.
+    /// Returns f·cos θ of the diffuse lobe.
     #[inline(always)]
     fn matt(&self, outgoing: V3) -> V3 {
         self.diffuse * (FRAC_1_PI * self.cosine(outgoing))
     }
 
-    /// f·cos θ of the glossy lobe.
+    /// Returns f·cos θ of the specular lobe.
     #[inline(always)]
     fn specular(&self, outgoing: V3) -> V3 {
         let lobe = phong(self.exponent, self.mirror().dot(outgoing));
         self.specular * (lobe * (self.exponent + 2.0) / TAU * self.cosine(outgoing))
     }
 
-    /// Derivatives of g·cosⁿα; returns that by the outgoing direction.
+    /// Adds the derivatives of g·cosⁿα, and returns the one with respect to the outgoing direction.
     #[inline(always)]
     fn lobe_backward(&self, outgoing: V3, lobe: f32, g: f32, gradient: &mut ShadingGradient) -> V3 {
         let mirror = self.mirror();
@@ -207,7 +207,7 @@ impl Shading {
         by_outgoing
     }
 
-    /// A direction of the specular lobe about the mirror direction.
+    /// Returns a direction of the specular lobe in the frame of the mirror direction.
     #[inline(always)]
     fn phong_local(&self, u: f32, v: f32) -> V3 {
         let turn = sin_cos_of_turns(v);
@@ -217,7 +217,7 @@ impl Shading {
     }
 }
 
-/// cosⁿα, 0 for α over 90°.
+/// Returns cosⁿα, or 0 for α over 90°.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn phong(exponent: f32, cosine: f32) -> f32 {

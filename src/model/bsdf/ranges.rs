@@ -1,29 +1,29 @@
-//! The ranges of the parameters of facets. A value outside of its range, which a fit may step to, counts as the nearest
-//! one in it, so that nothing depends on it there: its derivative is 0, as that of a clamp is.
+//! Ranges of the microfacet parameters. A value outside its range, which an optimizer may step to, is clamped to the
+//! nearest value inside. Its derivative is 0 there, as the derivative of a clamp is.
 
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
 use super::{Shading, ShadingGradient};
 use crate::cube::*;
 use crate::model::{V3, splat, v3};
-use crate::scene::{self, Bsdf};
+use crate::scene::{self, BsdfKind};
 
-pub(super) const METALLIC: u32 = Bsdf::MetallicRoughness as u32;
-pub(super) const CONDUCTOR: u32 = Bsdf::Conductor as u32;
+pub(super) const METALLIC: u32 = BsdfKind::MetallicRoughness as u32;
+pub(super) const CONDUCTOR: u32 = BsdfKind::Conductor as u32;
 
 const MOST_OF_METAL: f32 = scene::MOST_OF_METAL as f32;
 const LEAST_IOR: f32 = scene::LEAST_IOR as f32;
 const MOST_IOR: f32 = scene::MOST_IOR as f32;
 const LEAST_CONTRAST: f32 = scene::LEAST_CONTRAST as f32;
 
-/// A derivative by a number that is clamped.
+/// Returns the derivative with respect to a clamped number: 0 outside [0, `most`].
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn clamped(g: f32, x: f32, most: f32) -> f32 {
     select(x < 0.0 || x > most, 0.0, g)
 }
 
-/// A roughness in [0, 1].
+/// Clamps a roughness to [0, 1].
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn roughness_of(number: f32) -> f32 {
@@ -32,25 +32,25 @@ pub(super) fn roughness_of(number: f32) -> f32 {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
-    /// The share of metal.
+    /// Returns the clamped metallic parameter.
     #[inline(always)]
     pub(super) fn metallic(&self) -> f32 {
         self.specular.x.max(0.0).min(1.0)
     }
 
-    /// η of a conductor.
+    /// Returns the clamped η of a conductor.
     #[inline(always)]
     pub(super) fn eta_of_metal(&self) -> V3 {
         self.diffuse.max(splat(0.0)).min(splat(MOST_OF_METAL))
     }
 
-    /// k of a conductor.
+    /// Returns the clamped k of a conductor.
     #[inline(always)]
     pub(super) fn extinction(&self) -> V3 {
         self.specular.max(splat(0.0)).min(splat(MOST_OF_METAL))
     }
 
-    /// Drops derivatives by what is clamped of a conductor or of metallic–roughness.
+    /// Sets derivatives with respect to clamped parameters of a conductor or of metallic-roughness to 0.
     #[inline(always)]
     pub(super) fn clamp_backward(&self, gradient: &mut ShadingGradient) {
         let x = self.specular;
@@ -74,7 +74,7 @@ impl Shading {
         }
     }
 
-    /// The index of refraction of the inside over that of the outside.
+    /// Returns the clamped index of refraction of the inside over the outside.
     #[inline(always)]
     pub(super) fn ior(&self) -> f32 {
         let mut ior = self.specular.x.max(LEAST_IOR).min(MOST_IOR);
@@ -84,7 +84,7 @@ impl Shading {
         ior
     }
 
-    /// Whether it is that of the material.
+    /// Returns whether [`Shading::ior`] is the material's own value, not clamped.
     #[inline(always)]
     pub(super) fn has_own_ior(&self) -> bool {
         self.ior() == self.specular.x

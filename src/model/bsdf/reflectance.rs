@@ -1,4 +1,5 @@
-//! What facets of metals and of metallic–roughness reflect, and what comes through them from below.
+//! Reflectance of the microfacets of conductors and metallic-roughness, and transmission to and from the base below
+//! them.
 
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
@@ -11,13 +12,13 @@ use super::{Shading, ShadingGradient};
 use crate::cube::*;
 use crate::model::{V3, splat, v3};
 
-/// The reflectance of what is no metal along the normal.
+/// Reflectance of a non-metal along the normal.
 pub(crate) const DIELECTRIC_F0: f32 = 0.04;
-/// What is left of all light.
+/// 1 − F₀ of a non-metal.
 const REST: f32 = 1.0 - DIELECTRIC_F0;
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
-    /// Fresnel's reflectance of a conductor by the cosine to its facets' normal.
+    /// Returns the Fresnel reflectance of a conductor for the cosine to the facet normal.
     #[inline(always)]
     fn fresnel(&self, cosine: f32) -> V3 {
         let eta = self.eta_of_metal();
@@ -29,7 +30,7 @@ impl Shading {
         )
     }
 
-    /// Adds the derivatives of g·F of a conductor; returns that by the cosine.
+    /// Adds the derivatives of g·F of a conductor, and returns the one with respect to the cosine.
     #[inline(always)]
     fn fresnel_backward(&self, cosine: f32, g: V3, gradient: &mut ShadingGradient) -> f32 {
         let eta = self.eta_of_metal();
@@ -42,7 +43,7 @@ impl Shading {
         red.x * g.x + green.x * g.y + blue.x * g.z
     }
 
-    /// How much more than what facets of F₀ = 1 reflect they lose, where that is given back.
+    /// Returns the light lost by facets with F₀ = 1 relative to the light they reflect, or 0 without compensation.
     #[inline(always)]
     fn given_back(&self, f: &Facets) -> Fit {
         let mut found = Fit {
@@ -57,8 +58,8 @@ impl Shading {
         found
     }
 
-    /// What facets reflect, times what is given back of the light that they lose: of metallic–roughness that of
-    /// metal and that of what is none, each by its share.
+    /// Returns the reflectance of the facets including compensation. For metallic-roughness it is the sum of the
+    /// metal's and the non-metal's, each weighted by its fraction.
     #[inline(always)]
     pub(super) fn reflectance(&self, f: &Facets, cosine: f32) -> V3 {
         let lost = self.given_back(f).value;
@@ -80,7 +81,7 @@ impl Shading {
         r
     }
 
-    /// Adds the derivatives of g·R; returns that by the cosine.
+    /// Adds the derivatives of g·R, and returns the one with respect to the cosine.
     #[inline(always)]
     pub(super) fn reflectance_backward(
         &self,
@@ -125,8 +126,8 @@ impl Shading {
         by_cosine
     }
 
-    /// The part of the light that comes through facets of what is no metal, is scattered below and comes out again:
-    /// for its view and light.
+    /// Returns the fraction of light that is transmitted by the facets of a non-metal, scattered by the base and
+    /// transmitted again, for the view and a light direction.
     #[inline(always)]
     pub(super) fn through(&self, f: &Facets, nl: f32) -> f32 {
         let seen = 1.0 - dielectric_facets(f.nv, f.alpha).value;

@@ -1,4 +1,5 @@
-//! Facets that refract or reflect at an interface, and the directions that they turn the view to.
+//! Half vectors of facets that reflect or refract at a dielectric interface, and the directions that they turn the
+//! view into.
 
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
@@ -8,39 +9,39 @@ use super::{IMPOSSIBLE, Scatter, Shading, ShadingGradient};
 use crate::cube::*;
 use crate::model::{V3, select_vector, splat};
 
-/// Facets refract in proportion to so many times n·h, up to all.
+/// The refraction factor for facets with n·h near 0 is min(1, this times n·h).
 pub(crate) const UPRIGHT: f32 = 64.0;
 
-/// A facet that turns the view into a direction, above the surface or below.
+/// The facet that turns the view into a direction, above or below the surface.
 #[apply(record!)]
 pub(super) struct Turn {
-    /// Whether light is reflected.
+    /// Whether light is reflected, so that the direction is above the surface.
     pub above: bool,
-    /// H, its length, and 1 or −1 with H = ± (v + η l).
+    /// H, its length, and the sign in H = ± (v + η l).
     pub half: V3,
     pub length: f32,
     pub sign: f32,
-    /// v·H and −l·H, of which none is negative where a facet refracts, and v·h.
+    /// v·H and −l·H, neither of which is negative where a facet refracts, and v·h.
     pub a: f32,
     pub b: f32,
     pub cosine: f32,
-    /// The part of light that goes this way, and its derivatives by the cosine and η.
+    /// The fraction of light that goes this way, and its derivatives with respect to the cosine and η.
     pub part: V3,
     pub k: f32,
-    /// The factor of K of upright facets.
+    /// The factor of K for facets with n·h near 0.
     pub upright: f32,
 }
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
-    /// The index of refraction on the other side over that on the view's.
+    /// Returns the index of refraction on the other side over the index on the view's side.
     #[inline(always)]
     pub(super) fn eta(&self) -> f32 {
         let eta = self.ior();
         select(self.inside, 1.0 / eta, eta)
     }
 
-    /// How far a refracted direction turns when its facet does, along the normal.
+    /// Returns the rate at which a refracted direction turns with its facet, at normal incidence.
     #[inline(always)]
     pub(super) fn bending(&self) -> f32 {
         (1.0 - 1.0 / self.eta()).abs()
@@ -58,7 +59,7 @@ impl Shading {
         }
     }
 
-    /// The facet that turns the view into a direction.
+    /// Returns the facet that turns the view into a direction.
     #[inline(always)]
     pub(super) fn turn(&self, f: &Facets, outgoing: V3) -> Turn {
         let above = f.normal.dot(outgoing) > 0.0;
@@ -100,13 +101,13 @@ impl Shading {
         }
     }
 
-    /// The part of light that a facet with a half vector reflects.
+    /// Returns the fraction of light that a facet with a half vector reflects.
     #[inline(always)]
     pub(super) fn part_reflected(&self, f: &Facets, half: V3) -> f32 {
         dielectric(f.view.dot(half).clamp(0.0, 1.0), self.eta()).x
     }
 
-    /// The direction in which a facet with a half vector refracts the view.
+    /// Returns the direction into which a facet with a half vector refracts the view.
     #[inline(always)]
     pub(super) fn refracted_at(&self, f: &Facets, half: V3) -> V3 {
         let eta = self.eta();
@@ -142,7 +143,8 @@ impl Shading {
         self.add_facets(&f, &by, gradient);
     }
 
-    /// A vector along the half vector of the facet that turns the view into a direction, and whether it reflects.
+    /// Returns a vector along the half vector of the facet that turns the view into a direction; `of_gloss` is true
+    /// if it reflects.
     #[inline(always)]
     pub(super) fn half_of(&self, f: &Facets, outgoing: V3, of_gloss: bool) -> V3 {
         let mut half = f.view + outgoing;

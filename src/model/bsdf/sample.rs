@@ -1,4 +1,4 @@
-//! Directions drawn from a BSDF, and their derivatives at fixed random numbers.
+//! Sampling of directions from a BSDF, and derivatives of samples at fixed random numbers.
 
 #[cfg(feature = "wgpu")]
 use super::ShadingExpand;
@@ -7,7 +7,7 @@ use crate::cube::*;
 use crate::model::frame::{sin_cos_of_turns, to_local};
 use crate::model::{V3, splat, v3};
 
-/// A direction drawn from the BSDF.
+/// A direction sampled from the BSDF.
 #[apply(zeroed!)]
 pub(crate) struct Scatter {
     pub direction: V3,
@@ -15,7 +15,7 @@ pub(crate) struct Scatter {
     pub weight: V3,
     /// The direction in the frame of the lobe's axis: the normal, or the mirror direction.
     pub local: V3,
-    /// Whether the specular lobe was drawn; of a dielectric that of reflected light.
+    /// Whether the specular lobe was sampled; for a dielectric, whether light is reflected.
     pub of_gloss: bool,
     pub u: f32,
     pub v: f32,
@@ -23,7 +23,7 @@ pub(crate) struct Scatter {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Shading {
-    /// Draws a lobe in proportion to its albedo, and a direction from it.
+    /// Samples a lobe about in proportion to its albedo, and a direction from it.
     #[inline(always)]
     pub fn sample(&self, u: f32, v: f32, lobe: f32) -> Scatter {
         let mut height = u;
@@ -50,7 +50,7 @@ impl Shading {
             let per_square = 1.0 / across.dot(across);
             drawn.direction -= across * (2.0 * drawn.direction.dot(across) * per_square);
         }
-        // Without gloss, on a flat surface, f·cos θ over the density is k_d, whatever the direction.
+        // On a flat surface without a specular lobe, f·cos θ over the density is k_d for all directions.
         if !self.glossy && !self.smooth && !self.paired {
             drawn.weight = self.diffuse;
         } else if !drawn.weight.is_zero() {
@@ -59,7 +59,7 @@ impl Shading {
         drawn
     }
 
-    /// f·cos θ over the density of a direction.
+    /// Returns f·cos θ over the density of a direction.
     #[inline(always)]
     fn weight(&self, direction: V3) -> V3 {
         let density = self.density(direction);
@@ -70,7 +70,7 @@ impl Shading {
         weight
     }
 
-    /// Adds the derivatives of g·weight + by_direction·direction.
+    /// Adds the derivatives of g·weight + by_direction·direction of a sampled direction.
     #[inline(always)]
     pub fn sample_backward(
         &self,
@@ -83,7 +83,7 @@ impl Shading {
         self.direction_backward(s, by_drawn, gradient);
     }
 
-    /// A direction as if it had been drawn from a lobe.
+    /// Returns the sample of a lobe that has a given direction.
     #[inline(always)]
     pub fn as_drawn(&self, direction: V3, of_gloss: bool) -> Scatter {
         let mut drawn = Scatter {
@@ -99,7 +99,7 @@ impl Shading {
     }
 }
 
-/// A direction about a normal with a density in proportion to the cosine, for two uniform numbers.
+/// Returns a cosine-distributed direction in the frame of a normal, for two uniform numbers.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn matt_local(u: f32, v: f32) -> V3 {

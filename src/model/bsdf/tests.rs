@@ -1,4 +1,4 @@
-//! The BSDF as a density and as physics, and its derivatives against central differences.
+//! Densities, reciprocity and albedos of the BSDFs, and their derivatives against central differences.
 
 mod derivatives;
 mod furnace;
@@ -8,12 +8,12 @@ use super::*;
 use crate::model::frame::{SinCos, sin_cos_of_turns};
 use crate::model::v3;
 
-const PHONG: u32 = Bsdf::Phong as u32;
-const METALLIC: u32 = Bsdf::MetallicRoughness as u32;
-const CONDUCTOR: u32 = Bsdf::Conductor as u32;
-const DIELECTRIC: u32 = Bsdf::Dielectric as u32;
+const PHONG: u32 = BsdfKind::Phong as u32;
+const METALLIC: u32 = BsdfKind::MetallicRoughness as u32;
+const CONDUCTOR: u32 = BsdfKind::Conductor as u32;
+const DIELECTRIC: u32 = BsdfKind::Dielectric as u32;
 
-/// A gloss and a matt surface, flat and smooth.
+/// Diffuse and glossy Phong surfaces and [`of_facets`], flat and smooth.
 fn surfaces() -> Vec<Shading> {
     let mut all = Vec::new();
     for (glossy, exponent) in [(false, 1.0), (true, 3.0), (true, 40.0)] {
@@ -35,7 +35,7 @@ fn surfaces() -> Vec<Shading> {
     all
 }
 
-/// Metal and what is none, a conductor, glass from outside and from inside, flat and smooth.
+/// Metallic-roughness with high and low metallic, a conductor, and glass from outside and inside, flat and smooth.
 fn of_facets() -> Vec<Shading> {
     let mut all = Vec::new();
     let gold = (v3(0.2, 0.5, 1.4), v3(3.9, 2.3, 1.7));
@@ -68,7 +68,7 @@ fn of_facets() -> Vec<Shading> {
     all
 }
 
-/// The share of samples that are not lost: facets of glass may turn light to the wrong side.
+/// The fraction of samples that are not lost: facets of glass may turn light to the wrong side.
 fn kept(s: &Shading) -> f64 {
     let n = 1 << 14;
     let kept = numbers(n).filter(|&[u, v, lobe]| {
@@ -78,7 +78,7 @@ fn kept(s: &Shading) -> f64 {
     kept.count() as f64 / f64::from(n)
 }
 
-/// Additive recurrences.
+/// Points of additive recurrences.
 fn numbers(n: u32) -> impl Iterator<Item = [f32; 3]> {
     (0..n).map(|i| {
         [0.819_172_5, 0.671_043_6, 0.549_700_5]
@@ -86,7 +86,7 @@ fn numbers(n: u32) -> impl Iterator<Item = [f32; 3]> {
     })
 }
 
-/// The integral of a function over all directions, by a grid of heights and angles.
+/// The integral of a function over all directions, on a grid of heights and angles.
 fn over_sphere(f: impl Fn(V3) -> f32) -> f64 {
     let (rows, columns) = (800, 800);
     let mut sum = 0.0;
@@ -101,7 +101,7 @@ fn over_sphere(f: impl Fn(V3) -> f32) -> f64 {
     sum * 4.0 * std::f64::consts::PI / f64::from(rows * columns)
 }
 
-/// Over all directions, and over the hemisphere where the mirror direction is the normal.
+/// Over all directions, and over the hemisphere if the mirror direction is the normal.
 #[test]
 fn the_density_integrates_to_one() {
     for mut s in surfaces() {
@@ -126,7 +126,7 @@ fn the_density_integrates_to_one() {
     }
 }
 
-/// A flat surface reflects at most k_d + k_s, which it does where all of the lobe is above it.
+/// A flat surface reflects at most k_d + k_s, and exactly that if the whole lobe is above it.
 #[test]
 fn the_albedo_is_at_most_one() {
     for mut s in surfaces()
@@ -143,15 +143,15 @@ fn the_albedo_is_at_most_one() {
     }
 }
 
-/// What glass reflects is the same with light and eye exchanged, what it refracts over the square of the index where
-/// it goes to.
+/// Reflection by glass is symmetric in light and eye. Refraction is symmetric after division by the square of the
+/// index on the side that light goes to.
 #[test]
 fn reciprocity_of_glass() {
     for mut s in of_facets() {
         if s.model != DIELECTRIC || s.smooth {
             continue;
         }
-        // What is given back depends on the view alone.
+        // The compensation depends on the view alone.
         s.compensated = false;
         for outgoing in [v3(-0.4, 0.3, 0.8), v3(0.3, -0.3, -0.8)].map(V3::normalize) {
             let below = outgoing.z < 0.0;
@@ -176,11 +176,11 @@ fn reciprocity_of_glass() {
     }
 }
 
-/// f is the same with light and eye exchanged.
+/// f is symmetric in light and eye.
 #[test]
 fn reciprocity() {
     for mut s in surfaces().into_iter().filter(|s| !s.smooth) {
-        // What is given back depends on the view alone.
+        // The compensation depends on the view alone.
         s.compensated = false;
         if s.model == DIELECTRIC {
             continue;
@@ -196,7 +196,7 @@ fn reciprocity() {
     }
 }
 
-/// Directions that are drawn have the density that is told: the mean of f·cos θ over it is the albedo.
+/// Sampled directions have the returned density: the mean of f·cos θ over the density is the albedo.
 #[test]
 fn drawn_directions_have_their_density() {
     for s in surfaces() {

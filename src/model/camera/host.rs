@@ -1,4 +1,5 @@
-//! A camera of a scene as the kernels want it, and its derivatives as the scene wants them.
+//! The camera of a scene on the host: conversion to the kernels' camera, and of its derivatives back to scene
+//! parameters.
 
 use std::ops::Range;
 
@@ -15,14 +16,14 @@ pub(crate) struct HostCamera {
     target: DVec3,
     up: DVec3,
     projection: HostProjection,
-    /// Aperture radius and focus distance, where rays need a point on the lens.
+    /// Aperture radius and focus distance, if rays need a lens point.
     lens: Option<[f64; 2]>,
-    /// Half the height of what is seen at a distance of 1.
+    /// Half the height of the view at distance 1.
     pub half_height: f64,
 }
 
-/// Unit vectors of a camera, and what a film point (x, y) in halves of the image's height is multiplied by and
-/// moved by along them.
+/// Unit vectors of a camera, and the scale and shift along them of a film point (x, y), in halves of the image
+/// height.
 struct Frame {
     forward: DVec3,
     right: DVec3,
@@ -32,7 +33,7 @@ struct Frame {
 }
 
 impl HostCamera {
-    /// Reads a camera back that was checked.
+    /// Copies a validated camera's values to the host.
     pub fn new(camera: &Camera) -> Result<Self> {
         let lens = match &camera.lens {
             Some(lens) if camera.has_lens() => {
@@ -65,13 +66,13 @@ impl HostCamera {
         }
     }
 
-    /// The camera of an image of so many pixels, in inner units.
+    /// Returns the camera of an image of `width` × `height` pixels, in internal units.
     pub fn model(&self, inner: &SceneFrame, width: u32, height: u32) -> Model {
         let (width, height) = (f64::from(width), f64::from(height));
         let f = self.frame(inner.unit, width / height);
         let [across, upward] = [f.right * f.scale[0], f.up * f.scale[1]];
         let forward = f.forward + f.right * f.shift[0] + f.up * f.shift[1];
-        // The unit vectors are at right angles, so the inverse is this.
+        // The unit vectors are orthogonal, so this is the inverse.
         let [x, y, z] = [
             (f.right - f.forward * f.shift[0]) / f.scale[0],
             (f.up - f.forward * f.shift[1]) / f.scale[1],
@@ -101,9 +102,9 @@ impl HostCamera {
         }
     }
 
-    /// Adds the derivatives by a camera's parameters at their places, from those by its [`Model`]
-    /// ([`OF_CAMERA`](crate::trace::OF_CAMERA)) for an image of `aspect` (width over height), whose filter has a radius
-    /// of `filter` pixels.
+    /// Adds the derivatives with respect to a camera's parameters at their places, from those with respect to its
+    /// [`Model`] ([`OF_CAMERA`](crate::trace::OF_CAMERA)). The image has the aspect ratio `aspect` (width over
+    /// height), and a pixel filter with a radius of `filter` pixels.
     pub fn backward(
         &self,
         sums: &[f64],
@@ -123,7 +124,7 @@ impl HostCamera {
         let (by_per_focus, by_radius) = (sums[18], sums[19]);
         let by_right = by_x * f.scale[0] + by_z * f.shift[0] + by_lens_x * lens;
         let by_cross = by_y * f.scale[1] + by_z * f.shift[1] + by_lens_y * lens;
-        // right = (forward × up)/|…|, its up = right × forward, forward = (target − eye)/|…|.
+        // right = (forward × up)/|…|, up = right × forward, forward = (target − eye)/|…|.
         let view = self.target - self.eye;
         let up = self.up.normalize();
         let across = f.forward.cross(up);
@@ -132,7 +133,7 @@ impl HostCamera {
         let by_forward = by_z + by_cross.cross(f.right) + up.cross(by_across);
         let by_up = by_across.cross(f.forward);
         let mut by_view = (by_forward - f.forward * f.forward.dot(by_forward)) / view.length();
-        // The radius of a cone in pixels is in proportion to 1 over the height of what is seen at a distance of 1.
+        // The radius of a cone in pixels is inversely proportional to the height of the view at distance 1.
         let by_filter = by_radius * filter;
         if self.projection.is_parallel() {
             by_view += f.forward * (by_filter / view.length());

@@ -1,10 +1,9 @@
-//! A camera: rays through points of the film, points of the film that see a point of space, and derivatives
-//! of both.
+//! A camera: rays through film points, projection of points onto the film, and derivatives of both.
 //!
-//! A film point (x, y), in halves of the image's height about its middle, y up, is seen along
-//! x·across + y·upward + forward from the eye; with parallel rays along forward from eye + x·across +
-//! y·upward. The three vectors are any basis, so a field of view, a principal point and pixels that are not
-//! square are all in them, and a point is projected by the inverse of the basis.
+//! A film point (x, y), in halves of the image height about the image center with y up, is seen along x·across +
+//! y·upward + forward from the eye. With parallel rays it is seen along forward from eye + x·across + y·upward. The
+//! three vectors form any basis, so they include the field of view, the principal point and non-square pixels.
+//! Projection uses the inverse of the basis.
 
 mod host;
 #[cfg(test)]
@@ -17,27 +16,27 @@ use super::{Pair, V2, V3, v2, v3};
 use crate::cube::*;
 pub(crate) use host::HostCamera;
 
-/// A camera in a scene's inner units.
+/// A camera in internal units of a scene.
 #[apply(zeroed!)]
 pub(crate) struct Camera {
     pub eye: V3,
     pub across: V3,
     pub upward: V3,
     pub forward: V3,
-    /// The rows of the inverse of (across, upward, forward).
+    /// Rows of the inverse of (across, upward, forward).
     pub dual: Dual,
-    /// The lens's axes, as long as its radius; 0 for a pinhole.
+    /// Axes of the lens, as long as its radius; 0 for a pinhole.
     pub lens: Pair,
     /// Radius of the lens.
     pub aperture: f32,
-    /// 1 over the distance of the focus plane, 0 for a pinhole.
+    /// 1 over the distance of the focal plane, 0 for a pinhole.
     pub per_focus: f32,
     pub parallel: bool,
-    /// Pixels.
+    /// In pixels.
     pub width: f32,
     pub height: f32,
-    /// The radius of the pixel filter in pixels where it is that of a cone, which has a constant angle and so changes
-    /// with the field of view; else 0.
+    /// Radius of the pixel filter in pixels if it is due to a ray cone, whose constant angle makes it change with the
+    /// field of view; otherwise 0.
     pub filter: f32,
 }
 
@@ -49,7 +48,7 @@ pub(crate) struct Dual {
     pub z: V3,
 }
 
-/// Derivatives by what a camera is made of.
+/// Derivatives with respect to the fields of [`Camera`].
 #[apply(zeroed!)]
 pub(crate) struct CameraGradient {
     pub eye: V3,
@@ -58,18 +57,18 @@ pub(crate) struct CameraGradient {
     pub forward: V3,
     pub lens: Pair,
     pub per_focus: f32,
-    /// By the filter's radius.
+    /// With respect to the filter radius.
     pub filter: f32,
 }
 
-/// A ray from a point of the lens (on the unit disk) through a point of the film.
+/// A ray from a lens point (on the unit disk) through a film point.
 #[apply(zeroed!)]
 pub(crate) struct CameraRay {
     pub origin: V3,
     pub direction: V3,
-    /// The length that the direction was divided by.
+    /// Length of the direction before normalization.
     pub length: f32,
-    /// Film point in units of half the image's height, (0, 0) its middle, y up.
+    /// Film point in halves of the image height, (0, 0) at the center, y up.
     pub x: f32,
     pub y: f32,
     pub lens_x: f32,
@@ -78,7 +77,7 @@ pub(crate) struct CameraRay {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Camera {
-    /// The ray through a film point in pixels.
+    /// Returns the ray through a film point in pixels.
     #[inline(always)]
     pub fn ray(&self, x: f32, y: f32, lens_x: f32, lens_y: f32) -> CameraRay {
         let film_x = (2.0 * x - self.width) / self.height;
@@ -103,13 +102,13 @@ impl Camera {
         }
     }
 
-    /// The point of the lens, relative to its middle.
+    /// Returns the lens point relative to the lens center.
     #[inline(always)]
     pub fn lens_point(&self, lens_x: f32, lens_y: f32) -> V3 {
         self.lens.first * lens_x + self.lens.second * lens_y
     }
 
-    /// Adds the derivatives of g_o·origin + g_d·direction of a ray that was drawn about the middle of a pixel.
+    /// Adds the derivatives of g_o·origin + g_d·direction of a ray; `pixel` is the center of its pixel.
     #[inline(always)]
     pub fn ray_backward(
         &self,
@@ -144,13 +143,13 @@ impl Camera {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Camera {
-    /// Coordinates of a vector in the camera's basis; the third is the depth.
+    /// Returns the coordinates of a vector in the camera's basis; the third is the depth.
     #[inline(always)]
     pub fn local(&self, r: V3) -> V3 {
         v3(self.dual.x.dot(r), self.dual.y.dot(r), self.dual.z.dot(r))
     }
 
-    /// The start of the ray from a point of the lens to a point of space.
+    /// Returns the origin of the ray from a lens point to a point in space.
     #[inline(always)]
     pub fn origin_towards(&self, point: V3, lens_x: f32, lens_y: f32) -> V3 {
         let mut origin = self.eye + self.lens_point(lens_x, lens_y);
@@ -160,7 +159,7 @@ impl Camera {
         origin
     }
 
-    /// 1 over what a point's coordinates are divided by.
+    /// Returns 1 over the divisor of a point's coordinates.
     #[inline(always)]
     fn per_depth(&self, depth: f32) -> f32 {
         let mut inverse = 1.0f32;
@@ -170,7 +169,7 @@ impl Camera {
         inverse
     }
 
-    /// The film point, in pixels, that sees a point of space from a point of the lens. The depth has to be positive.
+    /// Returns the film point, in pixels, that sees a point in space from a lens point. The depth must be positive.
     #[inline(always)]
     pub fn project(&self, point: V3, lens_x: f32, lens_y: f32) -> V2 {
         let lens = self.lens_point(lens_x, lens_y);
@@ -184,7 +183,7 @@ impl Camera {
         }
     }
 
-    /// The vector by which the film point moves, in pixels, while the point of space moves along a vector.
+    /// Returns the vector by which the film point moves, in pixels, while the point in space moves along a vector.
     #[inline(always)]
     pub fn project_along(&self, point: V3, along: V3, lens_x: f32, lens_y: f32) -> V2 {
         let r = self.local(point - self.eye - self.lens_point(lens_x, lens_y));
@@ -201,7 +200,7 @@ impl Camera {
         )
     }
 
-    /// Adds the derivatives of g·(film point, in pixels); returns that by the point of space.
+    /// Adds the derivatives of g·(film point in pixels), and returns the one with respect to the point in space.
     #[inline(always)]
     pub fn project_backward(
         &self,
@@ -222,8 +221,8 @@ impl Camera {
         if !self.parallel {
             c = -(a * r.x + b * r.y) * inverse;
         }
-        // Coordinates are the inverse of the basis times a vector: their change by a vector of the basis
-        // is −the inverse times it, times the coordinate.
+        // The coordinates are the inverse basis times a vector. They change with a basis vector by minus the inverse
+        // times its change, times the coordinate.
         let by_r = self.dual.x * a + self.dual.y * b + self.dual.z * c;
         let by_shift = (self.dual.x * g_x + self.dual.y * g_y) * self.per_focus;
         let on_lens = self.local(lens);
@@ -239,11 +238,11 @@ impl Camera {
     }
 }
 
-/// Numbers of a camera in a list.
+/// Number of floats of a camera in a list.
 pub(crate) const NUMBERS: usize = 31;
 
 impl Camera {
-    /// Its numbers in a list.
+    /// Returns the camera's floats in a list.
     pub fn numbers(&self) -> [f32; NUMBERS] {
         let (lens, dual) = (&self.lens, &self.dual);
         let basis = [self.eye, self.across, self.upward, self.forward];
@@ -260,7 +259,7 @@ impl Camera {
     }
 }
 
-/// The camera that a list begins with, for rays and film points.
+/// Reads the camera at the start of a list, for rays and film points.
 #[cfg(feature = "wgpu")]
 #[cube]
 pub(crate) fn camera_at(list: &[f32], parallel: bool) -> Camera {

@@ -1,7 +1,7 @@
 use super::*;
 
 impl Camera {
-    /// The inverse of its basis.
+    /// Sets the inverse of the basis.
     fn inverted(mut self) -> Self {
         let volume = 1.0 / self.across.dot(self.upward.cross(self.forward));
         self.dual = Dual {
@@ -13,7 +13,7 @@ impl Camera {
     }
 }
 
-/// A camera with pixels that are not square and a principal point beside the middle.
+/// A camera with non-square pixels and an off-center principal point.
 fn camera(aperture: f32, parallel: bool) -> Camera {
     let forward = v3(0.1, -0.2, -1.0).normalize();
     let right = forward.cross(v3(0.0, 1.0, 0.0)).normalize();
@@ -66,7 +66,7 @@ fn a_point_on_a_ray_is_seen_by_its_film_point() {
     }
 }
 
-/// Both backward passes against central differences, in every vector of a camera.
+/// Both backward passes against central differences, in all vectors of a camera.
 #[test]
 fn derivatives() {
     let (p, g) = (v3(0.2, 0.1, -1.0), v2(0.7, -0.4));
@@ -102,7 +102,7 @@ fn derivatives() {
             (|c| &mut c.per_focus, |g| g.per_focus),
         ];
         for (i, (number, gradient)) in numbers.into_iter().enumerate() {
-            // Without a lens there is none to differentiate by.
+            // Without a lens there are no lens parameters.
             if aperture == 0.0 && i >= 8 {
                 continue;
             }

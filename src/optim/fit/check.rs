@@ -1,4 +1,4 @@
-//! Checks of a fit before it begins, and of the loss and the gradients of a step.
+//! Checks of a fit before its first step, and of the loss and the gradients of a step.
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::{GradientsParams, ModuleOptimizer};
@@ -14,7 +14,7 @@ fn invalid(field: impl Into<String>, value: impl ToString, expected: &str) -> Er
 }
 
 impl<M: Module> Fit<M> {
-    /// Checks that settings are in their ranges, and that the module has parameters that can be fitted.
+    /// Checks that the settings are in their ranges, and that the module has parameters that can be fitted.
     pub(super) fn check(&self) -> Result<()> {
         Error::unless(self.seed < 1 << 24, "fit", "seed", self.seed, "below 2²⁴")?;
         for (field, value) in [
@@ -30,7 +30,7 @@ impl<M: Module> Fit<M> {
         check_parameters(&self.module)
     }
 
-    /// The settings that a fit must share with a checkpoint to resume it.
+    /// Returns the settings that must match a checkpoint's settings to resume from it.
     pub(super) fn settings(&self) -> String {
         let Self {
             seed,
@@ -52,14 +52,14 @@ impl<M: Module> Fit<M> {
 /// A parameter of a module.
 struct Found {
     path: String,
-    /// The device, if it records no gradients.
+    /// The device, if it does not record gradients.
     plain: Option<Device>,
     frozen: bool,
-    /// The sum of the squares of its gradient, if it has one.
+    /// The sum of the squares of the gradient's entries, if the parameter has a gradient.
     square: Option<f64>,
 }
 
-/// Visits the parameters of a module.
+/// Collects the parameters of a module.
 struct Parameters<'a> {
     gradients: &'a GradientsParams,
     path: Vec<String>,
@@ -106,7 +106,7 @@ fn parameters<M: Module>(module: &M, gradients: &GradientsParams) -> Result<Vec<
     visitor.found
 }
 
-/// Checks that a module has a parameter which records gradients.
+/// Checks that a module has a parameter that records gradients.
 fn check_parameters<M: Module>(module: &M) -> Result<()> {
     let found = parameters(module, &GradientsParams::new())?;
     if found.iter().any(|p| p.plain.is_none() && !p.frozen) {
@@ -128,8 +128,8 @@ fn check_parameters<M: Module>(module: &M) -> Result<()> {
     })
 }
 
-/// Scales gradients so that their Euclidean norm is at most `most`. Returns the norm that they had, if
-/// there are any, and the paths of parameters without one that are not frozen.
+/// Scales gradients so that their Euclidean norm is at most `most`. Returns the norm before scaling, if there
+/// are gradients, and the paths of parameters that are not frozen but have no gradient.
 pub(super) fn clip<M: Module>(
     module: &M,
     gradients: &mut GradientsParams,
@@ -163,7 +163,7 @@ impl ModuleVisitor for Scale<'_> {
     }
 }
 
-/// The loss as a number, if it is one in an autodiff graph.
+/// Returns the loss as a number; an error if it is not a finite number in an autodiff graph.
 pub(super) fn loss_of_step(loss: &Tensor<1>, step: usize) -> Result<f64> {
     if !loss.is_tracked() {
         let value = match loss.is_autodiff() {
@@ -189,7 +189,7 @@ pub(super) fn loss_of_step(loss: &Tensor<1>, step: usize) -> Result<f64> {
     }
 }
 
-/// The error of a loss whose graph has no parameter.
+/// Returns the error for a loss whose graph contains no parameter.
 pub(super) fn no_gradient<M: Module>(module: &M, loss: &Tensor<1>) -> Error {
     let (device, devices) = (loss.device(), module.devices());
     if devices.iter().all(|d| *d != device) {
@@ -213,7 +213,8 @@ pub(super) fn not_finite(what: &str, value: f64, step: usize) -> Error {
     invalid(format!("{what} of step {step}"), value, "a finite number")
 }
 
-/// A fingerprint of an optimiser, which has no name: the values that a parameter takes in three of its steps.
+/// Returns a fingerprint of an optimizer, which has no name: the values of a parameter after three of its
+/// steps.
 fn fingerprint(optimizer: &ModuleOptimizer) -> String {
     #[derive(Module, Debug)]
     struct Probe {

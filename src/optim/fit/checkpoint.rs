@@ -14,17 +14,17 @@ const MODULE: &str = "module.bpk";
 const OPTIMIZER: &str = "optimizer.bpk";
 const HISTORY: &str = "history.csv";
 const SETTINGS: &str = "settings.txt";
-/// The file with the checksum and length of each other file.
+/// The file with the checksum and length of every other file.
 const CHECKSUMS: &str = "checksums.txt";
-/// The file that is locked by the process that fits in a folder.
+/// The file that a fitting process locks.
 const LOCK: &str = "lock";
-/// The start of a folder's name until it is complete.
+/// The prefix of a folder's name until the folder is complete.
 const PART: &str = ".part-";
 /// The number of checkpoints that are kept.
 const KEPT: usize = 2;
 
-/// Checkpoints of a fit, in folders by the number of steps taken. A folder gets its name when all that
-/// is in it has reached the disk, so that a folder with such a name is complete.
+/// Checkpoints of a fit, in folders named by the number of steps taken. A folder gets its name after all of its
+/// files have reached the disk, so a folder with such a name is complete.
 pub(super) struct Checkpoints {
     folder: PathBuf,
     inside: PathBuf,
@@ -32,7 +32,7 @@ pub(super) struct Checkpoints {
     _lock: File,
 }
 
-/// A checkpoint that was found.
+/// A checkpoint read from disk.
 pub(super) struct Checkpoint {
     folder: PathBuf,
     settings: String,
@@ -40,8 +40,8 @@ pub(super) struct Checkpoint {
 }
 
 impl Checkpoints {
-    /// Opens a folder of checkpoints, or makes it. Checkpoints that a killed run left incomplete are removed, and on a
-    /// restart all checkpoints are.
+    /// Opens a folder of checkpoints and creates it if it does not exist. Removes checkpoints that a killed run
+    /// left incomplete, and all checkpoints on a restart.
     pub fn open(folder: &Path, restart: bool, warn: &mut dyn FnMut(Warning)) -> Result<Self> {
         let inside = folder.join("checkpoints");
         fs::create_dir_all(&inside).map_err(Error::io(&inside))?;
@@ -59,7 +59,7 @@ impl Checkpoints {
         })
     }
 
-    /// All checkpoints, ordered by the number of steps taken.
+    /// Returns all checkpoints, ordered by the number of steps taken.
     fn all(&self) -> Result<Vec<(usize, PathBuf)>> {
         let all = entries(&self.inside)?.into_iter();
         let all = all.filter_map(|(name, path)| Some((name.parse().ok()?, path)));
@@ -68,7 +68,8 @@ impl Checkpoints {
         Ok(all)
     }
 
-    /// Reads the newest undamaged checkpoint, if there is one; warns of damaged ones.
+    /// Reads the newest undamaged checkpoint, if there is one, and warns about damaged ones. An error if all
+    /// are damaged.
     pub fn newest(
         &self,
         settings: &str,
@@ -87,11 +88,11 @@ impl Checkpoints {
                 }
             }
         }
-        // Beginning anew would throw away what someone may want to mend.
+        // Starting anew would discard checkpoints that a user may want to repair.
         damaged.map_or(Ok(None), Err)
     }
 
-    /// Writes a checkpoint, and removes old ones.
+    /// Writes a checkpoint and removes old ones.
     pub fn write<M: Module>(
         &self,
         module: &M,
@@ -133,7 +134,7 @@ impl Checkpoints {
         sync(&self.inside)?;
         let all = self.all()?;
         for (_, old) in &all[..all.len().saturating_sub(KEPT)] {
-            // Renamed first, so that a kill in between leaves nothing that looks whole.
+            // The folder is renamed first, so that a kill in between leaves no folder that looks complete.
             let gone = self.inside.join(format!("{PART}old"));
             let removed = fs::rename(old, &gone).and_then(|()| fs::remove_dir_all(&gone));
             removed.map_err(Error::io(old))?;
@@ -149,7 +150,7 @@ impl Checkpoints {
         })
     }
 
-    /// Writes the history, and plots of it.
+    /// Writes the history and its plots.
     pub fn finish(&self, history: &History) -> Result<()> {
         self.report(history)?;
         history.figure().write(self.folder.join("history.png"))
@@ -157,7 +158,7 @@ impl Checkpoints {
 }
 
 impl Checkpoint {
-    /// Reads the checkpoint after `steps` steps; an error if any of its files differs from its checksum.
+    /// Reads the checkpoint after `steps` steps. An error if one of its files does not match its checksum.
     fn read(steps: usize, folder: &Path) -> Result<Self> {
         let read = |name: &str| {
             let path = folder.join(name);
@@ -184,7 +185,7 @@ impl Checkpoint {
         })
     }
 
-    /// Checks that it is of a fit with the same settings, which are lines of a name and a value.
+    /// Checks that the checkpoint has the same settings; each line is a name and a value.
     fn check(&self, settings: &str) -> Result<()> {
         let pairs = self.settings.lines().zip(settings.lines());
         let differ: Vec<String> = pairs
@@ -202,7 +203,7 @@ impl Checkpoint {
         ))
     }
 
-    /// Loads its parameters into a module, and its state into an optimiser.
+    /// Loads the parameters into a module and the state into an optimizer.
     pub fn load<M: Module>(
         &self,
         module: M,
@@ -217,10 +218,10 @@ impl Checkpoint {
     }
 }
 
-/// The files of a checkpoint but for their checksums.
+/// The files of a checkpoint, except for the file of checksums.
 const FILES: [&str; 4] = [MODULE, OPTIMIZER, HISTORY, SETTINGS];
 
-/// A line with the CRC-32 of a file, its length, and its name.
+/// Returns a line with the CRC-32 of a file, its length, and its name.
 fn checksum(folder: &Path, file: &str) -> Result<String> {
     let path = folder.join(file);
     let bytes = fs::read(&path).map_err(Error::io(&path))?;
@@ -228,7 +229,7 @@ fn checksum(folder: &Path, file: &str) -> Result<String> {
     Ok(format!("{sum:08x} {length} {file}\n"))
 }
 
-/// Locks a file for as long as it stays open; the system unlocks it where a process is killed.
+/// Locks a file for as long as it stays open; the system unlocks it if the process is killed.
 fn lock(path: &Path, folder: &Path, warn: &mut dyn FnMut(Warning)) -> Result<File> {
     let file = File::create(path).map_err(Error::io(path))?;
     match file.try_lock() {
@@ -259,7 +260,7 @@ fn entries(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
 fn sync(path: &Path) -> Result<()> {
     let file = File::open(path).map_err(Error::io(path))?;
     match file.sync_all() {
-        // Folders can't be opened for this everywhere.
+        // Some systems cannot open folders for this.
         Err(e) if path.is_file() => Err(Error::io(path)(e)),
         _ => Ok(()),
     }

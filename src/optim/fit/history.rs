@@ -4,32 +4,31 @@ use crate::error::{Error, Result};
 use crate::figure::{Figure, Plot};
 use crate::optim::schedule::{TOLERANCE, stopped_falling};
 
-/// A step of a fit.
+/// The record of a step of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// Counted from 0.
+    /// The step number, counted from 0.
     pub step: usize,
     /// The loss before the step.
     pub loss: f64,
-    /// The Euclidean norm of the gradient over all parameters, before it was clipped.
+    /// The Euclidean norm of the gradient over all parameters, before clipping.
     pub gradient_norm: f64,
     /// The learning rate.
     pub rate: f64,
-    /// The blur, if it had a schedule: radians, or σ in scene units squared.
+    /// The blur, if the fit has a blur schedule: radians, or σ in scene units squared.
     pub blur: Option<f64>,
-    /// Seconds since the fit began, without those that a killed run had taken since its last
-    /// checkpoint.
+    /// Seconds of the fit so far. Time that a killed run spent after its last checkpoint does not count.
     pub seconds: f64,
-    /// The numbers of the evaluation, named by [`History::names`].
+    /// The values of the evaluation, named by [`History::names`].
     pub values: Vec<f64>,
 }
 
-/// The steps of a fit, in their order.
+/// The steps of a fit, in order.
 #[derive(Clone, Default, PartialEq)]
 pub struct History {
-    /// The names of the evaluations' numbers.
+    /// The names of the evaluations' values.
     pub names: Vec<String>,
-    /// The steps.
+    /// One row per step.
     pub rows: Vec<Row>,
 }
 
@@ -61,8 +60,8 @@ impl fmt::Debug for History {
 }
 
 impl History {
-    /// A number over the steps, as points (step, value): a number of the evaluations, or `loss`,
-    /// `gradient_norm`, `rate`, `blur` or `seconds`. It is empty for any other name.
+    /// Returns a value over the steps, as points (step, value). The name is that of an evaluation's value, or
+    /// `loss`, `gradient_norm`, `rate`, `blur` or `seconds`. For any other name the result is empty.
     pub fn curve(&self, name: &str) -> Vec<(f64, f64)> {
         let place = self.names.iter().position(|n| n == name);
         let column = COLUMNS.iter().find(|c| c.0 == name);
@@ -74,10 +73,10 @@ impl History {
         self.rows.iter().filter_map(point).collect()
     }
 
-    /// Numbers over the steps, as curves of a plot; for the names see [`History::curve`].
+    /// Plots values over the steps as curves; the names are those of [`History::curve`].
     ///
     /// # Errors
-    /// If there are no numbers of a name.
+    /// If a name is unknown.
     pub fn plot(&self, title: impl Into<String>, names: &[&str]) -> Result<Plot> {
         let columns = COLUMNS.map(|c| c.0);
         let known = |name: &str| columns.contains(&name) || self.names.iter().any(|n| n == name);
@@ -90,22 +89,22 @@ impl History {
             ));
         }
         let plot = Plot::new(title, "step", "");
-        // A single curve is named by the title.
+        // The title names a single curve.
         Ok(names.iter().fold(plot, |plot, &name| {
             let label = if names.len() > 1 { name } else { "" };
             plot.curve(label, self.curve(name))
         }))
     }
 
-    /// The magnitude of the loss over the steps, on a logarithmic axis: losses that are free of bias
-    /// may be negative.
+    /// Plots the magnitude of the loss over the steps, on a logarithmic axis; unbiased losses may be negative.
     pub fn loss_plot(&self) -> Plot {
         let points = self.curve("loss").into_iter();
         let points = points.map(|(step, loss)| (step, loss.abs()));
         Plot::new("|loss|", "step", "").log().curve("", points)
     }
 
-    /// Plots of the loss, the gradient's norm, and the blur if it had a schedule, on logarithmic axes.
+    /// Plots the loss, the gradient's norm and, if the fit has a schedule for it, the blur, on logarithmic
+    /// axes.
     pub fn figure(&self) -> Figure {
         let over_steps = |title: &str, name: &str| {
             let plot = Plot::new(title, "step", "").log();
@@ -119,7 +118,7 @@ impl History {
         figure.plot(over_steps("blur", "blur"))
     }
 
-    /// Adds a step with the numbers of its evaluation.
+    /// Adds a step with the values of its evaluation.
     pub(super) fn push(&mut self, values: Vec<(String, f64)>, mut row: Row) -> Result<()> {
         let (names, values): (Vec<String>, _) = values.into_iter().unzip();
         if self.rows.is_empty() {
@@ -143,8 +142,8 @@ impl History {
         Ok(())
     }
 
-    /// Whether after `steps` steps the loss has stopped falling over the last `window` of them, all with
-    /// the same blur, and the last time that was so is long enough ago.
+    /// Returns whether after `steps` steps the loss has stopped falling over the last `window` steps. The blur
+    /// must be constant over 2·`window` steps, and the last plateau must be at least `window` steps ago.
     pub(super) fn is_flat(&self, steps: usize, window: usize, last: Option<usize>) -> bool {
         let Some(first) = steps.checked_sub(2 * window) else {
             return false;
@@ -156,7 +155,7 @@ impl History {
             && stopped_falling(&losses, TOLERANCE)
     }
 
-    /// The steps at which [`History::is_flat`] held.
+    /// Returns the steps at which [`History::is_flat`] holds.
     pub(super) fn plateaus(&self, window: usize) -> Vec<usize> {
         let mut found = Vec::new();
         for n in 1..=self.rows.len() {
@@ -167,7 +166,8 @@ impl History {
         found
     }
 
-    /// Writes comma-separated values below a line of names; numbers read back exactly.
+    /// Returns the history as comma-separated values below a line of names. The numbers can be read back
+    /// exactly.
     pub fn to_csv(&self) -> String {
         let names = COLUMNS.iter().map(|c| c.0);
         let names = names.chain(self.names.iter().map(String::as_str));
@@ -181,7 +181,7 @@ impl History {
         text
     }
 
-    /// Reads the text of [`History::to_csv`]; the error is the line at fault.
+    /// Reads the text of [`History::to_csv`]. The error describes the malformed line.
     pub(super) fn from_csv(text: &str) -> Result<Self, String> {
         let mut lines = text.lines();
         let head: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();

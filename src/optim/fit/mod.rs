@@ -1,6 +1,5 @@
-//! A loop that fits the parameters of a module to images: noisy renders with fresh random numbers at
-//! every step, blur that falls, progress, a history, pictures, and checkpoints that survive a kill at
-//! any moment.
+//! A loop that fits the parameters of a module to images: noisy renders with new random numbers at every step,
+//! blur that falls, progress, a history, pictures, and checkpoints that survive a kill at any moment.
 
 mod check;
 mod checkpoint;
@@ -80,8 +79,8 @@ pub struct Fit<M> {
 }
 
 impl<M: Module> Fit<M> {
-    /// A fit of a module on a device with autodiff, by an optimiser, in `steps` steps. The rate is 0.01
-    /// unless one is given.
+    /// Creates a fit of a module on a device with autodiff, with an optimizer, in `steps` steps. By default the
+    /// learning rate is 0.01, the seed is 0, and there is no blur schedule, clipping, early stop or folder.
     pub fn new(module: M, optimizer: impl Into<ModuleOptimizer>, steps: usize) -> Self {
         Self {
             module,
@@ -101,75 +100,81 @@ impl<M: Module> Fit<M> {
         }
     }
 
-    /// Sets the learning rate over the steps.
+    /// Sets the learning rate over the steps; 0.01 by default.
     pub fn rate(mut self, rate: impl Into<Rate>) -> Self {
         self.rate = rate.into();
         self
     }
 
-    /// Sets the seed of all random numbers, below 2²⁴.
+    /// Sets the seed of all random numbers, less than 2²⁴; 0 by default.
     pub fn seed(mut self, seed: u64) -> Self {
         self.seed = seed;
         self
     }
 
-    /// Sets the blur over the steps, for [`Step::options`]: the values that
-    /// [`RenderOptions::blur`](crate::render::RenderOptions::blur) takes.
+    /// Sets the blur over the steps, which [`Step::options`] passes to
+    /// [`RenderOptions::blur`](crate::render::RenderOptions::blur).
     pub fn blur(mut self, blur: impl Into<Blur>) -> Self {
         self.blur = Some(blur.into());
         self
     }
 
-    /// Scales gradients down to this Euclidean norm over all parameters, where they are longer.
+    /// Limits the Euclidean norm of the gradient over all parameters: a longer gradient is scaled down to
+    /// `norm`.
     pub fn clip(mut self, norm: f64) -> Self {
         self.clip = Some(norm);
         self
     }
 
-    /// Ends the fit when the loss has stopped falling: when its mean over the last `patience` steps is
-    /// not 2 % less than over as many before, all with the same blur.
+    /// Ends the fit when the loss has stopped falling: when its mean over the last `patience` steps is at most
+    /// 2 % below its mean over the `patience` steps before, with the same blur at all of these steps.
     pub fn early_stop(mut self, patience: usize) -> Self {
         self.patience = Some(patience);
         self
     }
 
-    /// Keeps `history.csv`, `history.png` and checkpoints in a folder, and goes on from the newest
-    /// checkpoint found there that is whole. A checkpoint of a fit with other settings, a process that
-    /// is fitting there already, and a folder whose checkpoints are all damaged are errors.
+    /// Writes `history.csv`, `history.png` and checkpoints to a folder, and resumes from the newest complete
+    /// checkpoint in it. [`Fit::run`] returns an error if the checkpoint has other settings, another process is
+    /// fitting in the folder, or all checkpoints are damaged.
     pub fn folder(mut self, folder: impl AsRef<Path>) -> Self {
         self.folder = Some(folder.as_ref().into());
         self
     }
 
-    /// Sets the number of steps between checkpoints, 25 by default.
+    /// Sets the number of steps between checkpoints; 25 by default.
     pub fn checkpoint_every(mut self, steps: usize) -> Self {
         self.every = steps;
         self
     }
 
-    /// Sets whether the checkpoints of the folder are removed instead of resumed from; false by default.
+    /// Sets whether the fit removes the checkpoints of the folder instead of resuming from them; false by
+    /// default.
     pub fn restart(mut self, restart: bool) -> Self {
         self.restart = restart;
         self
     }
 
-    /// Sets whether the fit shows its progress on the standard error; true by default. A
-    /// terminal has a bar. Elsewhere there is a line at the first step, one at most every ten seconds,
-    /// and one at the last step: `fit: step 40/200, loss 1.200e-3, blur 2.0e-2, 12 s, about 48 s left`.
-    /// Warnings appear there too, unless a logger shows them. A program that shows the state of a fit
-    /// in its own way takes `progress(false)` and [`Fit::on_step`].
+    /// Sets whether the fit shows its progress on the standard error; true by default.
+    ///
+    /// A terminal shows a bar. Otherwise the fit writes lines: one at the first step, at most one every ten
+    /// seconds, and one at the last step. A line is
+    /// `fit: step 40/200, loss 1.200e-3, blur 2.0e-2, 12 s, about 48 s left`.
+    /// Warnings appear there too, unless a logger shows them. To show the state of a fit differently, use
+    /// `progress(false)` and [`Fit::on_step`].
     pub fn progress(mut self, shown: bool) -> Self {
         self.progress = shown;
         self
     }
 
-    /// Writes the images of evaluations to a folder, as `step-000040.png`: at step 0, every so many
-    /// steps and at the last one. Each image of [`Evaluation::image`] is a row, beside its target and
-    /// their difference where [`Evaluation::target`] has named one. The colours of a difference are
-    /// the same at every step: the darkest stand for the 99th percentile of the target, without pixels above
-    /// 1, which the picture clips.
+    /// Writes the images of evaluations to a folder, as `step-000040.png`: at the first step, every `every`
+    /// steps and at the last step. A resumed fit also writes its first step.
     ///
-    /// Images that are only for pictures need be rendered only where [`Step::pictured`] is set.
+    /// Each image of [`Evaluation::image`] is a row. If it has a target ([`Evaluation::target`]), the row also
+    /// shows the target and their difference. The colors of a difference have the same scale at every step: the
+    /// darkest colors represent the 99th percentile of the target. Pixels above 1 do not count, because the
+    /// picture clips them.
+    ///
+    /// Images that are only for pictures need to be rendered only if [`Step::pictured`] is true.
     ///
     /// ```no_run
     /// # use burn::module::{Module, Param};
@@ -201,8 +206,8 @@ impl<M: Module> Fit<M> {
         self
     }
 
-    /// Calls a function at step 0, every so many steps and at the last one, before the parameters move;
-    /// the fit ends when it returns false.
+    /// Calls a function at step 0, every `every` steps and at the last step, before the parameters change. If
+    /// it returns false, the fit ends after that step.
     pub fn on_step(
         mut self,
         every: usize,

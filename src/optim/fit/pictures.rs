@@ -1,4 +1,4 @@
-//! Images of a step beside their targets.
+//! Pictures of a step's images beside their targets.
 
 use std::path::PathBuf;
 
@@ -14,7 +14,7 @@ pub(super) struct Pictures {
 }
 
 impl Pictures {
-    /// Writes the picture of a step; at the first one there has to be an image.
+    /// Writes the picture of a step. At the first step an image is required.
     pub fn write(&self, evaluation: &Evaluation, row: &Row, first: bool) -> Result<()> {
         if evaluation.images.is_empty() {
             let expected = "one for the pictures: Evaluation::image";
@@ -29,7 +29,7 @@ impl<M> Report<'_, M> {
     /// Reads back the images of the step's evaluation, with their names.
     ///
     /// # Errors
-    /// If one can't be read back from its device.
+    /// If an image cannot be read back from its device.
     pub fn images(&self) -> Result<Vec<(String, HostImage)>> {
         let images = self.evaluation.images.iter();
         images
@@ -37,11 +37,11 @@ impl<M> Report<'_, M> {
             .collect()
     }
 
-    /// Draws the images beside their targets and differences, as [`Fit::pictures`](super::Fit::pictures)
-    /// writes them.
+    /// Draws the images beside their targets and differences, like the pictures of
+    /// [`Fit::pictures`](super::Fit::pictures).
     ///
     /// # Errors
-    /// If one can't be read back from its device, or is not of three channels.
+    /// If an image cannot be read back from its device, or does not have three channels.
     pub fn figure(&self) -> Result<Figure> {
         match self.history.rows.last() {
             Some(row) => figure(self.evaluation, row),
@@ -50,7 +50,7 @@ impl<M> Report<'_, M> {
     }
 }
 
-/// A row for each image: the image, and if it has a target, that and their difference.
+/// Draws a row for each image: the image and, if it has a target, the target and their difference.
 fn figure(evaluation: &Evaluation, row: &Row) -> Result<Figure> {
     let blur = row.blur;
     let blur = blur.map_or(String::new(), |b| format!(", blur {b:.1e}"));
@@ -70,8 +70,8 @@ fn figure(evaluation: &Evaluation, row: &Row) -> Result<Figure> {
     Ok(figure)
 }
 
-/// The colours of differences from a target: the same at every step, and by what is not clipped in its
-/// picture, so that lights in view don't make the rest pale.
+/// Returns the color scale of differences from a target. It is the same at every step. Pixels that the picture
+/// clips do not count, so that visible lights do not make the rest pale.
 fn scale(target: &HostImage) -> Diverging {
     let pixels = target.pixels.chunks_exact(3);
     let means = pixels.map(|p| p.iter().map(|&v| f64::from(v)).sum::<f64>() / 3.0);

@@ -1,4 +1,4 @@
-//! The display of a running fit: a bar on a terminal, or else lines at intervals.
+//! The display of a running fit: a bar on a terminal, otherwise lines at intervals.
 
 use std::io::Write;
 use std::time::{Duration, Instant};
@@ -7,14 +7,14 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Stop, Warning};
 
-/// Time between lines.
+/// The least time between lines.
 const PAUSE: Duration = Duration::from_secs(10);
 const TEMPLATE: &str = "fitting {bar:40} {pos}/{len} [{elapsed} < {eta}] {msg}";
 
 pub(super) struct Progress {
     shown: Shown,
     steps: usize,
-    /// Steps taken before this run began, and when it began.
+    /// Steps taken before this run began, and the time at which it began.
     before: usize,
     start: Instant,
     /// The last step of this run.
@@ -25,7 +25,7 @@ pub(super) struct Progress {
 enum Shown {
     Nothing,
     Bar(ProgressBar),
-    /// Lines on the standard error; when the last one was written, and after how many steps.
+    /// Lines on the standard error: the time of the last line, and the number of steps taken by then.
     Lines(Option<(Instant, usize)>),
 }
 
@@ -44,7 +44,7 @@ impl Progress {
         let bar = ProgressBar::new(steps as u64).with_style(style);
         let shown = match (shown, bar.is_hidden()) {
             (false, _) => Shown::Nothing,
-            // It is where the standard error is no terminal.
+            // The bar is hidden if the standard error is not a terminal.
             (true, true) => Shown::Lines(None),
             (true, false) => Shown::Bar(bar),
         };
@@ -58,7 +58,7 @@ impl Progress {
         }
     }
 
-    /// Begins the display of a run after `before` steps of runs before it.
+    /// Begins the display of a run that resumes after `before` steps.
     pub fn begin(&mut self, before: usize) {
         self.before = before;
         self.start = Instant::now();
@@ -90,7 +90,7 @@ impl Progress {
         line(latest, (self.before, self.steps), self.start.elapsed())
     }
 
-    /// Ends the display. Where lines are written, the last one says why the fit ended.
+    /// Ends the display. If lines are written, the last line gives the reason for an early end.
     pub fn finish(&mut self, stop: Stop) {
         let why = match stop {
             Stop::Steps => "",
@@ -109,8 +109,8 @@ impl Progress {
         }
     }
 
-    /// Keeps and logs a warning; where progress is shown and the log would not show it, it is written
-    /// too, above the bar.
+    /// Stores and logs a warning. If progress is shown and no logger shows the warning, it is also written to
+    /// the standard error, above the bar.
     pub fn warn(&mut self, warning: Warning) {
         let text = format!("fit: {warning}");
         let logged = log::log_enabled!(log::Level::Warn);
@@ -125,7 +125,7 @@ impl Progress {
     }
 }
 
-/// Writes a line to the standard error. Failures are ignored, so that the fit goes on.
+/// Writes a line to the standard error. Failures are ignored, so that the fit continues.
 fn write_line(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
@@ -137,7 +137,7 @@ fn state(loss: f64, blur: Option<f64>) -> String {
     }
 }
 
-/// The line of a step: `fit: step 40/200, loss 1.234e-3, blur 2.0e-2, 12 s, about 48 s left`.
+/// Returns the line of a step: `fit: step 40/200, loss 1.234e-3, blur 2.0e-2, 12 s, about 48 s left`.
 fn line(latest: Latest, (before, steps): (usize, usize), elapsed: Duration) -> String {
     let Latest { done, loss, blur } = latest;
     let mut text = format!(
@@ -184,7 +184,7 @@ mod tests {
             at(40, 0, Some(0.02), 12.0),
             "fit: step 40/200, loss 1.200e-3, blur 2.0e-2, 12 s, about 48 s left"
         );
-        // Steps that were taken before a resumption took no time.
+        // Steps taken before a resumption do not count towards the time.
         assert_eq!(
             at(150, 100, None, 100.0),
             "fit: step 150/200, loss 1.200e-3, 1 min 40 s, about 1 min 40 s left"

@@ -9,12 +9,12 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// The same rate at every step.
+    /// A rate that is the same at every step.
     pub fn constant(rate: f64) -> Self {
         Self::exponential(rate, rate)
     }
 
-    /// A rate that falls from `start` to 0 along half a cosine: start·(1 + cos(π·step/steps))/2.
+    /// A rate that falls from `start` towards 0 along half a cosine: start·(1 + cos(π·step/steps))/2.
     pub fn cosine(start: f64) -> Self {
         Self {
             cosine: true,
@@ -22,7 +22,8 @@ impl Rate {
         }
     }
 
-    /// A rate that goes from `start` to `end` by the same factor at every step.
+    /// A rate that changes from `start` towards `end` by the same factor at every step:
+    /// start·(end/start)^(step/steps).
     pub fn exponential(start: f64, end: f64) -> Self {
         Self {
             start,
@@ -31,7 +32,7 @@ impl Rate {
         }
     }
 
-    /// The rate of a step of `steps`.
+    /// Returns the rate at a step of a fit of `steps` steps.
     pub fn at(&self, step: usize, steps: usize) -> f64 {
         let done = step as f64 / steps.max(1) as f64;
         if self.cosine {

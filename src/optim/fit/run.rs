@@ -1,4 +1,4 @@
-//! The loop.
+//! The loop over the steps of a fit.
 
 use std::path::Path;
 use std::time::Instant;
@@ -13,36 +13,41 @@ use super::{Evaluation, Fit, Fitted, History, Report, Row, Step, Stop, Warning};
 use crate::error::{Error, Result};
 use crate::optim::schedule::Blur;
 
-/// A fit under way.
+/// A running fit.
 struct Run<M> {
     fit: Fit<M>,
-    /// The settings that a checkpoint must have; empty without checkpoints.
+    /// The settings that a checkpoint must match; empty without checkpoints.
     settings: String,
     checkpoints: Option<Checkpoints>,
     history: History,
     resumed: Option<usize>,
     progress: Progress,
-    /// The steps over which a loss that does not fall is a plateau.
+    /// The number of steps without a fall of the loss that count as a plateau.
     window: usize,
     plateaus: Vec<usize>,
-    /// Why it ended before its last step, if it did.
+    /// The reason for an end before the last step.
     stop: Option<Stop>,
     start: Instant,
-    /// Seconds that a run before this one took.
+    /// Seconds taken by earlier runs.
     before: f64,
 }
 
 impl<M: Module> Fit<M> {
-    /// Takes the steps. The function is given the module and what the step is evaluated with, and
-    /// returns the loss. It has to be a function of these alone: then a fit that is killed and
-    /// resumed ends with the same parameters as one that is not.
+    /// Runs the steps and returns the fitted module.
+    ///
+    /// At each step, `f` receives the module and the [`Step`] and returns the loss. Its result must depend only
+    /// on these two arguments. Then a fit that is killed and resumed ends with the same parameters as an
+    /// uninterrupted fit.
     ///
     /// # Errors
-    /// Before the first step: if a setting is out of its range, no parameter of the module is on a
-    /// device with autodiff, a folder can't be used, or a checkpoint is of a fit with other settings or
-    /// of another module. At a step: what the function or a callback returns; if the loss is not one
-    /// number in the graph of the module's parameters, it or the gradient is not finite, an image has
-    /// another size than its target, or a file can't be written.
+    /// Before the first step: if a setting is out of its range, no parameter of the module is on a device with
+    /// autodiff, a folder cannot be used, or a checkpoint belongs to a fit with other settings or to another
+    /// module.
+    ///
+    /// At a step: any error of `f` or a callback; if the loss is not one number in the graph of the module's
+    /// parameters, the loss or the gradient is not finite, the values, images or targets do not meet the
+    /// conditions of [`Evaluation`], the first step has no image for [`Fit::pictures`], or a file cannot be
+    /// written.
     pub fn run(self, mut f: impl FnMut(&M, &Step) -> Result<Evaluation>) -> Result<Fitted<M>> {
         let mut run = Run::open(self)?;
         while run.stop.is_none() && run.history.rows.len() < run.fit.steps {
@@ -56,14 +61,14 @@ impl<M: Module> Fit<M> {
 }
 
 impl<M: Module> Run<M> {
-    /// Goes on from a checkpoint where there is one.
+    /// Resumes from a checkpoint if there is one.
     fn open(mut fit: Fit<M>) -> Result<Self> {
         fit.check()?;
         if let Some(pictures) = &fit.pictures {
             let folder = &pictures.folder;
             std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
         }
-        // Only checkpoints ask for them.
+        // Only checkpoints use the settings.
         let settings = fit.folder.as_ref().map(|_| fit.settings());
         let settings = settings.unwrap_or_default();
         let mut progress = Progress::new(fit.progress, fit.steps);
@@ -80,14 +85,14 @@ impl<M: Module> Run<M> {
             history = newest.history;
             resumed = Some(history.rows.len());
         }
-        // Blur that follows the loss is a function of the losses so far.
+        // Blur that depends on the loss is restored from the losses so far.
         for row in &history.rows {
             observe(&mut fit.blur, row.loss);
         }
         progress.begin(history.rows.len());
         let window = fit.patience.unwrap_or((fit.steps / 5).max(20));
         let plateaus = history.plateaus(window);
-        // A fit that had ended early stays so.
+        // A fit that ended early is not continued.
         let flat = plateaus.last().is_some_and(|p| p + 1 == history.rows.len());
         Ok(Self {
             window,
@@ -174,7 +179,7 @@ impl<M: Module> Run<M> {
         Ok(self)
     }
 
-    /// Writes a checkpoint, if there are any.
+    /// Writes a checkpoint if the fit has a folder.
     fn save(&self) -> Result<()> {
         self.checkpoints.as_ref().map_or(Ok(()), |checkpoints| {
             let (module, optimizer) = (&self.fit.module, &self.fit.optimizer);

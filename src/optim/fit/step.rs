@@ -1,4 +1,4 @@
-//! The input and the result of a step of a fit, the report after it, and the result of the whole fit.
+//! The input and the result of a step, the report to callbacks, and the result of the whole fit.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -10,27 +10,27 @@ use crate::debug;
 use crate::error::{Error, Result};
 use crate::render::RenderOptions;
 
-/// The step of a fit that is to be evaluated.
+/// The step of a fit that is being evaluated.
 #[derive(Clone, Debug)]
 pub struct Step {
-    /// Counted from 0.
+    /// The step number, counted from 0.
     pub index: usize,
-    /// The blur, if the fit has a schedule for it: see [`RenderOptions::blur`].
+    /// The blur, if the fit has a schedule for it; see [`RenderOptions::blur`].
     pub blur: Option<f64>,
-    /// Whether [`Fit::pictures`](super::Fit::pictures) writes a picture of this step. The loss must not
-    /// depend on it.
+    /// Whether [`Fit::pictures`](super::Fit::pictures) writes a picture of this step. The loss must not depend
+    /// on this field.
     pub pictured: bool,
     pub(super) seed: u64,
 }
 
 impl Step {
-    /// The seed of the `render`-th render of this step: no two steps share one, nor two of the first
-    /// 1024 renders of a step.
+    /// Returns the seed of the `render`-th render of this step. Different steps never share a seed, and neither
+    /// do the first 1024 renders of a step.
     pub fn seed(&self, render: u64) -> u64 {
         (self.seed << 40) ^ ((self.index as u64) << 10) ^ render
     }
 
-    /// Options with the blur of this step and the seed of its `render`-th render.
+    /// Returns options with the blur of this step and the seed of its `render`-th render.
     pub fn options(&self, options: &RenderOptions, render: u64) -> RenderOptions {
         let options = options.clone().seed(self.seed(render));
         match self.blur {
@@ -40,7 +40,7 @@ impl Step {
     }
 }
 
-/// The result of a step: a loss in the graph of the module's parameters, with numbers and images to record.
+/// The result of a step: a loss in the graph of the module's parameters, and values and images to record.
 #[derive(Clone)]
 pub struct Evaluation {
     pub(super) loss: Tensor<1>,
@@ -50,7 +50,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// An evaluation from a scalar loss `[1]`.
+    /// Creates an evaluation from a scalar loss `[1]`.
     pub fn new(loss: Tensor<1>) -> Self {
         Self {
             loss,
@@ -60,22 +60,22 @@ impl Evaluation {
         }
     }
 
-    /// Adds a number for the history: a parameter, an error, a part of the loss. Every step must name
-    /// the same numbers in the same order.
+    /// Adds a value for the history, for example a parameter, an error or a part of the loss. Every step must
+    /// add the same names in the same order. A name must not be empty or contain quotes, commas or line breaks.
     pub fn value(mut self, name: impl Into<String>, value: f64) -> Self {
         self.values.push((name.into(), value));
         self
     }
 
     /// Adds an image `[H, W, 3]` of linear radiance for [`Fit::pictures`](super::Fit::pictures) and the
-    /// callback of [`Fit::on_step`](super::Fit::on_step). A name must mean the same view at every
-    /// step.
+    /// callback of [`Fit::on_step`](super::Fit::on_step). Names are unique, and a name must refer to the same
+    /// view at every step.
     pub fn image(mut self, name: impl Into<String>, image: Tensor<3>) -> Self {
         self.images.push((name.into(), image));
         self
     }
 
-    /// Adds the target `[H, W, 3]` of the image of a name, which is shown beside it.
+    /// Adds the target `[H, W, 3]` of the image with the same name and size, to be shown beside it.
     pub fn target(mut self, name: impl Into<String>, target: Tensor<3>) -> Self {
         self.targets.push((name.into(), target));
         self
@@ -122,67 +122,65 @@ impl fmt::Debug for Evaluation {
     }
 }
 
-/// The state of a fit after a step, for callbacks.
+/// The state of a fit at a step, for callbacks: after the loss is evaluated, before the parameters change.
 pub struct Report<'a, M> {
-    /// The module before the step, which the loss is of.
+    /// The module before the step, from which the loss was computed.
     pub module: &'a M,
     /// The step.
     pub step: &'a Step,
-    /// The steps of the whole fit.
+    /// The number of steps of the whole fit.
     pub steps: usize,
-    /// The history up to the step.
+    /// The history, including this step.
     pub history: &'a History,
     pub(super) evaluation: &'a Evaluation,
 }
 
-/// Why a fit ended.
+/// The reason for the end of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// All steps were taken.
     Steps,
     /// The loss had stopped falling ([`Fit::early_stop`](super::Fit::early_stop)).
     Early,
-    /// A callback asked for it.
+    /// A callback ended the fit ([`Fit::on_step`](super::Fit::on_step)).
     Callback,
 }
 
-/// A fit's end.
+/// The result of a fit.
 #[derive(Clone, Debug)]
 pub struct Fitted<M> {
     /// The module after the last step.
     pub module: M,
-    /// All steps, those before a resumption too.
+    /// All steps, including the steps before a resumption.
     pub history: History,
-    /// Why it ended.
+    /// The reason for the end of the fit.
     pub stop: Stop,
-    /// The step of the checkpoint that it resumed from, if it did.
+    /// The number of steps in the checkpoint from which the fit resumed, if it did.
     pub resumed: Option<usize>,
-    /// Steps at which the loss had not fallen for a while though the blur was constant.
+    /// Steps at which the loss had stopped falling although the blur was constant.
     pub plateaus: Vec<usize>,
-    /// Warnings in the order in which they arose, without those of a run before a
-    /// resumption.
+    /// Warnings in order, without the warnings of a run before a resumption.
     pub warnings: Vec<Warning>,
 }
 
-/// Something about a fit that is likely not meant, though the fit goes on.
+/// A likely mistake in a fit that does not stop it.
 ///
-/// Its text says what was found and what may help.
+/// Its text describes the problem and a possible remedy.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Warning {
-    /// The loss doesn't depend on these parameters, named by their paths in the module; they stay as
-    /// they are.
+    /// The loss does not depend on these parameters (their paths in the module), which stay unchanged.
     Unused(Vec<String>),
-    /// The loss has not fallen for a while though the blur was constant.
+    /// The loss has not fallen over many steps although the blur was constant.
     Plateau {
         /// The last step of the plateau.
         step: usize,
-        /// The steps over which the loss was compared with as many before.
+        /// The number of steps whose mean loss was compared with the mean over as many steps before.
         window: usize,
     },
-    /// A checkpoint could not be read, and the one before it was taken.
+    /// A checkpoint could not be read, and the one before it was used.
     DamagedCheckpoint(String),
-    /// The file system has no locks, so that another process could fit in the same folder.
+    /// The file system does not support locks, so another process could fit in the same folder.
     NoLock(PathBuf),
 }
 

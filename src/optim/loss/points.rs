@@ -8,14 +8,15 @@ use crate::geometry::host_values;
 use crate::optim::nearest::{Near, PointTree};
 use crate::scene::take_rows;
 
-/// The Chamfer distance of two point clouds `[N, 3]` and `[M, 3]`, scene units:
-/// (1/N)·Σᵢ minⱼ |aᵢ − bⱼ|² + (1/M)·Σⱼ minᵢ |aᵢ − bⱼ|², which is `pytorch3d.loss.chamfer_distance` by its
-/// defaults. Square scene units, 0 where both have the same points.
+/// The Chamfer distance between two point clouds `[N, 3]` and `[M, 3]` in scene units.
 ///
-/// Gradients flow to both. Which point is nearest is found on the host, in a k-d tree, and constant to the
-/// gradient; where it changes the distance has a kink. The search takes about N·log M steps, but up to
-/// N·M where many points are about equally near, as from a small cloud in the middle of a sphere. Points of
-/// surfaces come from [`sample_points`](crate::optim::sample_points).
+/// It is (1/N)·Σᵢ minⱼ |aᵢ − bⱼ|² + (1/M)·Σⱼ minᵢ |aᵢ − bⱼ|², which equals `pytorch3d.loss.chamfer_distance`
+/// with its defaults. The unit is square scene units. The distance is 0 where both clouds have the same points.
+///
+/// Gradients flow to both clouds. The nearest points are found on the host in a k-d tree and are constant for
+/// the gradient; the distance has a kink where the nearest point changes. The search takes about N·log M steps.
+/// It takes up to N·M steps where many points are about equally near, for example from a small cloud in the
+/// middle of a sphere. [`sample_points`](crate::optim::sample_points) returns points of a surface.
 ///
 /// ```
 /// use softray::loss;
@@ -33,8 +34,8 @@ use crate::scene::take_rows;
 /// ```
 ///
 /// # Errors
-/// If a cloud is not `[N, 3]`, has no points or one that is not finite, the clouds differ in device or
-/// float type, or a tensor can't be read from its device.
+/// If a cloud is not `[N, 3]`, has no points or a point that is not finite, the clouds differ in device or
+/// float type, or a tensor cannot be read from its device.
 pub fn chamfer(a: Tensor<2>, b: Tensor<2>) -> Result<Tensor<1>> {
     let [from_a, from_b] = nearest(&a, &b)?;
     let mean = |from: &Tensor<2>, to: &Tensor<2>, nearest: &[Near]| {
@@ -44,9 +45,11 @@ pub fn chamfer(a: Tensor<2>, b: Tensor<2>) -> Result<Tensor<1>> {
     Ok(mean(&a, &b, &from_a) + mean(&b, &a, &from_b))
 }
 
-/// The F-score of two point clouds `[N, 3]` and `[M, 3]` at a threshold in scene units, on the host: the
-/// harmonic mean of the shares of the points of each that are within the threshold of one of the other
-/// (Knapitsch et al. 2017, *Tanks and Temples*). From 0 to 1, the larger the closer.
+/// The F-score of two point clouds `[N, 3]` and `[M, 3]` at a threshold in scene units, computed on the host.
+///
+/// It is the harmonic mean of two shares: for each cloud, the share of its points that lie within the threshold
+/// of a point of the other cloud (Knapitsch et al. 2017, *Tanks and Temples*). It ranges from 0 to 1; a larger
+/// value means closer clouds.
 ///
 /// ```
 /// use softray::loss;
@@ -59,7 +62,7 @@ pub fn chamfer(a: Tensor<2>, b: Tensor<2>) -> Result<Tensor<1>> {
 /// ```
 ///
 /// # Errors
-/// As [`chamfer`], or if the threshold is not a number of at least 0.
+/// Like [`chamfer`], or if the threshold is negative or NaN.
 pub fn f_score(a: &Tensor<2>, b: &Tensor<2>, threshold: f64) -> Result<f64> {
     let expected = "a number of at least 0";
     Error::unless(
@@ -81,7 +84,7 @@ pub fn f_score(a: &Tensor<2>, b: &Tensor<2>, threshold: f64) -> Result<f64> {
     })
 }
 
-/// The nearest of `b` to each of `a`, and the nearest of `a` to each of `b`.
+/// Returns the nearest point of `b` to each point of `a`, and the nearest point of `a` to each point of `b`.
 fn nearest(a: &Tensor<2>, b: &Tensor<2>) -> Result<[Vec<Near>; 2]> {
     const B: &str = "points b";
     let (device, other) = (a.device().inner(), b.device().inner());
@@ -104,7 +107,7 @@ fn nearest(a: &Tensor<2>, b: &Tensor<2>) -> Result<[Vec<Near>; 2]> {
     Ok([from_a, from_b])
 }
 
-/// A cloud on the host.
+/// Reads the points of a cloud back to the host.
 fn points(name: &str, tensor: &Tensor<2>) -> Result<Vec<DVec3>> {
     let [count, axes] = tensor.dims();
     let expected = "[N, 3] with at least one point";

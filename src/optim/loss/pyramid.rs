@@ -1,30 +1,29 @@
-//! Losses at several resolutions: coarse ones see from further away and average the noise.
+//! Losses at several resolutions. Coarse levels have gradients over larger distances and average the noise.
 
 use burn::tensor::Tensor;
 
-use super::{mse_unbiased, same_shape};
+use super::{batch, mse_unbiased, same_shape};
 
-/// The image `[H, W, C]` and its halves, `[⌈H/2⌉, ⌈W/2⌉, C]` and so on: at most `levels` images
-/// (0 counts as 1), fewer where one of a single pixel comes first.
+/// Returns the image `[…, H, W, C]` and its successive halves, `[…, ⌈H/2⌉, ⌈W/2⌉, C]` and so on.
 ///
-/// A pixel is the mean of the 2 × 2 below it. Of odd sizes the last row or column is halved alone:
-/// its pixels are means of those that there are, as if it were repeated.
-pub fn pyramid(image: Tensor<3>, levels: usize) -> Vec<Tensor<3>> {
+/// It returns at most `levels` images (0 counts as 1), and fewer if a level reaches a single pixel. A pixel is
+/// the mean of the 2 × 2 pixels of the previous level. If a size is odd, the last row or column counts twice, so
+/// its pixels are means of existing pixels.
+pub fn pyramid<const D: usize>(image: Tensor<D>, levels: usize) -> Vec<Tensor<D>> {
     let mut images = vec![image];
     while let Some(last) = images.last()
         && images.len() < levels
-        && let [height, width, _] = last.dims()
-        && height.max(width) > 1
+        && last.dims()[D - 3].max(last.dims()[D - 2]) > 1
     {
         images.push(halved(last.clone()));
     }
     images
 }
 
-/// The mean of a loss over the levels of the [`pyramid`]s of image and target `[H, W, C]`.
+/// The mean of a loss over the levels of the [`pyramid`]s of image and target `[…, H, W, C]`.
 ///
-/// A shape that does not overlap its target gets a gradient towards it from the levels where it
-/// does.
+/// A shape that does not overlap its target gets a gradient towards the target from the levels at which it does
+/// overlap.
 ///
 /// ```
 /// use softray::loss;
@@ -40,11 +39,11 @@ pub fn pyramid(image: Tensor<3>, levels: usize) -> Vec<Tensor<3>> {
 ///
 /// # Panics
 /// If the shapes differ.
-pub fn multi_scale(
-    image: Tensor<3>,
-    target: Tensor<3>,
+pub fn multi_scale<const D: usize>(
+    image: Tensor<D>,
+    target: Tensor<D>,
     levels: usize,
-    loss: impl Fn(Tensor<3>, Tensor<3>) -> Tensor<1>,
+    loss: impl Fn(Tensor<D>, Tensor<D>) -> Tensor<1>,
 ) -> Tensor<1> {
     same_shape(&image, &target);
     let targets = pyramid(target, levels);
@@ -52,16 +51,17 @@ pub fn multi_scale(
     mean(images.into_iter().zip(targets).map(|(i, t)| loss(i, t)))
 }
 
-/// The mean of [`mse_unbiased`] over the levels of the [`pyramid`]s of two renders with independent
-/// seeds and the target, `[H, W, C]` each. The halves are linear in the image, so no level is
-/// biased by noise.
+/// The mean of [`mse_unbiased`] over the levels of the [`pyramid`]s of two renders with independent seeds and
+/// the target, `[…, H, W, C]` each.
+///
+/// The halves are linear in the image, so noise biases no level.
 ///
 /// # Panics
 /// If the shapes differ.
-pub fn multi_scale_unbiased(
-    a: Tensor<3>,
-    b: Tensor<3>,
-    target: Tensor<3>,
+pub fn multi_scale_unbiased<const D: usize>(
+    a: Tensor<D>,
+    b: Tensor<D>,
+    target: Tensor<D>,
     levels: usize,
 ) -> Tensor<1> {
     same_shape(&a, &target);
@@ -76,18 +76,22 @@ pub(crate) fn mean(losses: impl Iterator<Item = Tensor<1>>) -> Tensor<1> {
     Tensor::cat(losses.collect(), 0).mean()
 }
 
-/// `[⌈H/2⌉, ⌈W/2⌉, C]` of `[H, W, C]`.
-fn halved(image: Tensor<3>) -> Tensor<3> {
-    let image = even(even(image, 0), 1);
-    let [height, width, channels] = image.dims();
+/// `[…, ⌈H/2⌉, ⌈W/2⌉, C]` of `[…, H, W, C]`.
+fn halved<const D: usize>(images: Tensor<D>) -> Tensor<D> {
+    let mut dims = images.dims();
+    let images = even(even(batch(images), 1), 2);
+    let [count, height, width, channels] = images.dims();
     let (rows, columns) = (height / 2, width / 2);
-    let pairs_of_rows = image.reshape([rows, 2, width * channels]).sum_dim(1);
-    let pairs = pairs_of_rows.reshape([rows * columns, 2, channels]);
-    pairs.sum_dim(1).reshape([rows, columns, channels]) * 0.25
+    let pairs_of_rows = images
+        .reshape([count * rows, 2, width * channels])
+        .sum_dim(1);
+    let pairs = pairs_of_rows.reshape([count * rows * columns, 2, channels]);
+    (dims[D - 3], dims[D - 2]) = (rows, columns);
+    pairs.sum_dim(1).reshape(dims) * 0.25
 }
 
-/// The last row or column twice where their number is odd.
-fn even(image: Tensor<3>, axis: usize) -> Tensor<3> {
+/// Repeats the last row or column if their number is odd.
+fn even(image: Tensor<4>, axis: usize) -> Tensor<4> {
     let length = image.dims()[axis];
     if length.is_multiple_of(2) {
         return image;

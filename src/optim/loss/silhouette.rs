@@ -1,4 +1,4 @@
-//! Losses of the overlap of silhouettes.
+//! Losses for the overlap of silhouettes.
 
 use burn::tensor::Tensor;
 
@@ -6,39 +6,36 @@ use super::same_shape;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
 
-/// Unions of less than this, in pixels, count as this: the loss goes to 0 as both become empty.
+/// The least union in the denominator, in pixels, so that the loss goes to 0 as both silhouettes become empty.
 const LEAST_UNION: f64 = 1e-3;
 
-/// 1 − Σab / Σ(a + b − ab) of opacities `[H, W]` from 0 to 1: 0 where they are alike and 0 or 1
-/// everywhere, 1 where they have nothing in common (Liu et al. 2019, *Soft Rasterizer*).
+/// Soft intersection-over-union loss: 1 − Σab / Σ(a + b − ab) of opacities `[H, W]` from 0 to 1 (Liu et al.
+/// 2019, *Soft Rasterizer*). Of `[…, H, W]` it is the mean over all images.
 ///
-/// Both sums are linear in the opacity, so noise hardly biases their ratio. If both are empty the
-/// loss is 0 and its gradient finite. While nothing overlaps, the gradient is 0 outside of the target:
-/// take it with wide blur, or with another loss beside it.
-///
-/// # Panics
-/// If the shapes differ.
-pub fn silhouette_iou(opacity: Tensor<2>, target: Tensor<2>) -> Tensor<1> {
-    silhouette_iou_batch(opacity.unsqueeze(), target.unsqueeze())
-}
-
-/// The mean of [`silhouette_iou`] over a batch of opacities `[B, H, W]`.
+/// The loss is 0 where the silhouettes are equal and every opacity is 0 or 1. It is 1 where they do not
+/// overlap. Both sums are linear in the opacity, so noise hardly biases their ratio. If both silhouettes are
+/// empty, the loss is 0 and its gradient is finite. While the silhouettes do not overlap, the gradient is 0
+/// outside of the target; combine the loss with a wide blur or with another loss.
 ///
 /// # Panics
 /// If the shapes differ.
-pub fn silhouette_iou_batch(opacity: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
+pub fn silhouette_iou<const D: usize>(opacity: Tensor<D>, target: Tensor<D>) -> Tensor<1> {
+    const { assert!(D >= 2, "opacities have the axes […, H, W]") };
     same_shape(&opacity, &target);
-    let sums = |t: Tensor<3>| t.flatten::<2>(1, 2).sum_dim(1);
+    let dims = opacity.dims();
+    let pixels = dims[D - 2] * dims[D - 1];
+    let count = dims[..D - 2].iter().product::<usize>();
+    let sums = |t: Tensor<D>| t.reshape([count, pixels]).sum_dim(1);
     let both = sums(opacity.clone() * target.clone());
     let union = sums(opacity + target) - both.clone();
     ((union.clone() - both) / union.clamp_min(LEAST_UNION)).mean()
 }
 
-/// Intersection over union of the pixels whose opacity is above a threshold, on the host: 1 where
-/// they are the same, or none on either side.
+/// Returns the intersection over union of the pixels whose opacity is above a threshold, computed on the host.
+/// It is 1 if both sets of pixels are equal, including both empty.
 ///
 /// # Errors
-/// If the shapes differ, the threshold is NaN, or a tensor can't be read.
+/// If the shapes differ, the threshold is NaN, or a tensor cannot be read.
 pub fn iou(opacity: &Tensor<2>, target: &Tensor<2>, threshold: f64) -> Result<f64> {
     let (found, expected) = (opacity.dims(), target.dims());
     let (shape, like) = (

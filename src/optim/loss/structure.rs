@@ -2,43 +2,46 @@
 
 use burn::tensor::Tensor;
 
-use super::same_shape;
+use super::{batch, same_shape};
 
-/// Pixels along a window.
+/// The side of a window, pixels.
 const WINDOW: usize = 11;
-/// Standard deviation of a window's Gaussian, pixels.
+/// The standard deviation of a window's Gaussian, pixels.
 const DEVIATION: f64 = 1.5;
-/// C₁ = (K₁·range)² keeps dark windows from dividing by 0, C₂ = (K₂·range)² flat ones.
+/// C₁ = (K₁·range)² avoids a division by 0 in dark windows, C₂ = (K₂·range)² in flat windows.
 const K1: f64 = 0.01;
 const K2: f64 = 0.03;
 
-/// Mean structural similarity of `[H, W, C]`, at most 1, and 1 for equal images (Wang et al. 2004,
-/// *Image Quality Assessment: From Error Visibility to Structural Similarity*, Eq. 13):
+/// Mean structural similarity of images `[…, H, W, C]`: at most 1, and 1 for equal images (Wang et al. 2004,
+/// *Image Quality Assessment: From Error Visibility to Structural Similarity*, Eq. 13).
+///
+/// It is the mean of
 ///
 /// (2·μₓ·μᵧ + C₁)·(2·σₓᵧ + C₂) / ((μₓ² + μᵧ² + C₁)·(σₓ² + σᵧ² + C₂))
 ///
-/// over all channels and all windows of 11 × 11 pixels that lie inside of the image, weighted by a
-/// Gaussian of 1.5 pixels. Along an axis of fewer than 11 pixels the window is as long as the axis.
+/// over all channels and all windows of 11 × 11 pixels that lie inside of the image. Pixels are weighted by a
+/// Gaussian with a standard deviation of 1.5 pixels. Along an axis of fewer than 11 pixels the window is as
+/// long as the axis.
 ///
-/// `range` is the difference between the least and the largest value that is told apart, 1 for
-/// images in [0, 1]. Bring radiance that goes far above it down first: variances are differences of
-/// means of squares, and f32 has no digits left for them. Noise lowers the similarity, and two
-/// renders don't mend that.
+/// `range` is the difference between the smallest and the largest distinguished value, 1 for images in [0, 1].
+/// Reduce radiance far above `range` first: variances are differences of means of squares, and f32 has no
+/// digits left for them. Noise lowers the similarity; two renders do not correct this bias.
 ///
 /// # Panics
 /// If the shapes differ, or `range` is not a finite number > 0.
-pub fn ssim(image: Tensor<3>, target: Tensor<3>, range: f64) -> Tensor<1> {
+pub fn ssim<const D: usize>(image: Tensor<D>, target: Tensor<D>, range: f64) -> Tensor<1> {
     same_shape(&image, &target);
+    let (image, target) = (batch(image), batch(target));
     assert!(
         range.is_finite() && range > 0.0,
         "ssim: range is {range}, expected a finite number > 0"
     );
     let [c1, c2] = [K1, K2].map(|k| (k * range).powi(2));
-    let square = |t: &Tensor<3>| t.clone() * t.clone();
+    let square = |t: &Tensor<4>| t.clone() * t.clone();
     let (mean_x, mean_y) = (blurred(image.clone()), blurred(target.clone()));
     let product = mean_x.clone() * mean_y.clone();
     let squares = square(&mean_x) + square(&mean_y);
-    // Rounding must not let the denominator through 0.
+    // Rounding must not let the denominator cross 0.
     let variances = blurred(square(&image) + square(&target)) - squares.clone();
     let variances = variances.clamp_min(0.0);
     let covariance = blurred(image * target) - product.clone();
@@ -47,22 +50,22 @@ pub fn ssim(image: Tensor<3>, target: Tensor<3>, range: f64) -> Tensor<1> {
     (above / below).mean()
 }
 
-/// (1 − [`ssim`])/2: a loss from 0, for equal images, to 1.
+/// Structural dissimilarity (1 − [`ssim`])/2: a loss from 0, for equal images, to 1.
 ///
 /// # Panics
 /// Like [`ssim`].
-pub fn dssim(image: Tensor<3>, target: Tensor<3>, range: f64) -> Tensor<1> {
+pub fn dssim<const D: usize>(image: Tensor<D>, target: Tensor<D>, range: f64) -> Tensor<1> {
     (ssim(image, target, range) - 1.0) * -0.5
 }
 
-/// Weighted means over the windows of `[H, W, C]`: `[H − h + 1, W − w + 1, C]` of windows of h × w.
-/// The Gaussian is the product of one along each axis.
-fn blurred(image: Tensor<3>) -> Tensor<3> {
-    along(along(image, 0), 1)
+/// Returns weighted means over the windows of `[B, H, W, C]`: `[B, H − h + 1, W − w + 1, C]` for windows of h × w.
+/// The Gaussian is the product of a Gaussian along each axis.
+fn blurred(image: Tensor<4>) -> Tensor<4> {
+    along(along(image, 1), 2)
 }
 
-/// Weighted means along an axis.
-fn along(image: Tensor<3>, axis: usize) -> Tensor<3> {
+/// Returns weighted means along an axis.
+fn along(image: Tensor<4>, axis: usize) -> Tensor<4> {
     let length = image.dims()[axis];
     let weights = gaussian(length.min(WINDOW));
     let windows = length + 1 - weights.len();
@@ -70,7 +73,7 @@ fn along(image: Tensor<3>, axis: usize) -> Tensor<3> {
     (1..weights.len()).fold(part(0), |sum, i| sum + part(i))
 }
 
-/// The weights of a window of `length` pixels, which sum up to 1.
+/// Returns the weights of a window of `length` pixels; their sum is 1.
 fn gaussian(length: usize) -> Vec<f64> {
     let middle = 0.5 * (length as f64 - 1.0);
     let weight = |i: usize| (-0.5 * ((i as f64 - middle) / DEVIATION).powi(2)).exp();

@@ -1,4 +1,4 @@
-//! Blur by the scene, the camera and the pixels of a fit.
+//! A blur schedule from the scene, the camera and the pixel size of a fit.
 
 use burn::tensor::Tensor;
 
@@ -8,33 +8,32 @@ use crate::geometry::host_values;
 use crate::render::{RenderOptions, render};
 use crate::scene::{Bounds, Camera, Detach, HostScene, Normalization, Scene, visit_tensors};
 
-/// The angle at the start of [`BlurSchedule::auto`], as a share of the one that the smallest object has
-/// about the camera.
+/// The start of [`BlurSchedule::auto`], as a share of the radius of the smallest object.
 const START: f64 = 0.75;
-/// The largest angle at the start, as a share of the half-angle of the view.
+/// The largest start, as a share of the scene's radius or of half the view's height, whichever is smaller.
 const START_SEEN: f64 = 0.375;
-/// The angle at the end of [`BlurSchedule::auto`], as a share of a pixel's.
+/// The angle at the end of [`BlurSchedule::auto`], as a share of a pixel's angle.
 const END: f64 = 0.5;
-/// The share of the steps over which [`BlurSchedule::auto`] decays; then it stays at the end.
+/// The share of the steps over which [`BlurSchedule::auto`] decays; the angle is constant after that.
 const DECAY: f64 = 0.75;
 
 impl BlurSchedule {
-    /// Angles of cones, radians, for a fit of `steps` steps on images of `height` rows, when nothing is
-    /// known of the scene:
+    /// A schedule of cone angles in radians for a fit of `steps` steps on images of `height` rows, for scenes
+    /// without a known suitable blur:
     ///
-    /// - it starts at three quarters of the angle that the radius of the smallest object (half the
-    ///   diagonal of its box) has at the distance of what is seen, but not above three eighths of that
-    ///   of the scene's radius (from the mean of all vertices to the farthest) or of half the image's
-    ///   height;
-    /// - it ends at half a pixel's angle (and starts there where the above is smaller), which is what
-    ///   the pixel filter blurs by default;
-    /// - it falls over the first three quarters of the steps and stays at the end for the rest.
+    /// - The start is the angle of a length at the distance of the visible surfaces: atan(length/distance). The
+    ///   length is three quarters of the smallest object's radius (half the diagonal of its bounding box). It
+    ///   is at most three eighths of the scene's radius (from the mean of all vertices to the farthest one) and
+    ///   at most three eighths of half the image's height at that distance.
+    /// - The end is half a pixel's angle, which is also the blur of the default pixel filter. If the start
+    ///   would be smaller, the start is the end.
+    /// - The angle falls over the first three quarters of the steps and is constant after that.
     ///
-    /// The start is a cautious one: much wider cones light a scene differently, which draws objects
-    /// away. Where more is needed, give a start of one's own to [`BlurSchedule::decay`].
+    /// The start is a cautious choice. Much wider cones change the lighting of a scene, which pulls objects
+    /// away from the target. If a fit requires more, pass your own start to [`BlurSchedule::decay`].
     ///
     /// # Errors
-    /// If the scene or the camera is not valid, or `height` or `steps` is 0.
+    /// If the scene or the camera is not valid or cannot be rendered, or `height` or `steps` is 0.
     pub fn auto(scene: &Scene, camera: &Camera, height: usize, steps: usize) -> Result<Self> {
         let end = END * pixel_angle(camera, height)?;
         let view = View::new(scene, camera)?;
@@ -46,8 +45,9 @@ impl BlurSchedule {
     }
 }
 
-/// The angle of a pixel in the middle of an image of `height` rows, radians: atan(2·tan(fov_y/2)/height). For a
-/// camera with parallel rays it is that of a pixel at the target, seen from the eye.
+/// Returns the angle of a pixel in the middle of an image of `height` rows, in radians:
+/// atan(2·tan(fov_y/2)/height). For a camera with parallel rays it is the angle of a pixel at the target, seen
+/// from the eye.
 ///
 /// ```
 /// use softray::optim::pixel_angle;
@@ -58,19 +58,19 @@ impl BlurSchedule {
 /// ```
 ///
 /// # Errors
-/// If the camera's projection is not valid, or `height` is 0.
+/// If a value of the camera is out of range or cannot be read, or `height` is 0.
 pub fn pixel_angle(camera: &Camera, height: usize) -> Result<f64> {
     Error::unless(height > 0, "image", "height", height, "at least 1")?;
     Ok((2.0 * camera.half_height()? / height as f64).atan())
 }
 
-/// The sizes and the distance of a scene in the view of a camera, in scene units.
+/// The sizes and the distance of a scene as seen by a camera, in scene units.
 struct View {
-    /// The distance from the mean of all vertices to the farthest.
+    /// The distance from the mean of all vertices to the farthest one.
     radius: f64,
-    /// Half the diagonal of the box around the smallest object.
+    /// Half the diagonal of the bounding box of the smallest object.
     smallest: f64,
-    /// The distance along the view axis of what is seen, and the height of the image there.
+    /// The median distance of the visible surfaces along the view axis, and the height of the image there.
     distance: f64,
     height: f64,
 }
@@ -122,5 +122,5 @@ impl View {
     }
 }
 
-/// Rows and columns of the image that distances are taken from.
+/// Rows and columns of the image from which distances are measured.
 const GRID: usize = 16;

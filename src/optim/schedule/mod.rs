@@ -1,6 +1,7 @@
 //! Blur over the steps of a fit: wide at the start, narrow at the end.
 //!
-//! `docs/BLUR.md` has the measurements that the fractions of [`BlurSchedule::auto`] come from.
+//! `docs/BLUR.md` explains how to choose the blur. `docs/BASINS.md` and `docs/ACCURACY.md` have the
+//! measurements.
 
 mod auto;
 mod plateau;
@@ -14,16 +15,16 @@ pub use plateau::PlateauBlur;
 #[cfg(feature = "fit")]
 pub(crate) use plateau::{TOLERANCE, stopped_falling};
 
-/// The name of errors.
+/// The object name in error messages.
 const OBJECT: &str = "blur schedule";
 
-/// Blur over the steps of a fit: constant, or falling, by the same factor at every step or slowly at
-/// both ends.
+/// Blur over the steps of a fit: constant, or falling from a start to an end.
 ///
-/// It is what [`RenderOptions::blur`](crate::render::RenderOptions::blur) takes: the half-angle of cones
-/// in radians (or σ of the softmax). The larger it is, the further away a gradient begins to point to
-/// the target, and the more the image is off; so a fit starts with a large one and ends with a small
-/// one.
+/// It falls by the same factor at every step ([`BlurSchedule::decay`]) or slowly at both ends
+/// ([`BlurSchedule::cosine`]). The value is an argument for
+/// [`RenderOptions::blur`](crate::render::RenderOptions::blur): the half-angle of cones in radians (or σ of the
+/// softmax in scene units squared). A larger value lets gradients point to the target from further away, but
+/// biases the image more. A fit therefore starts with a large value and ends with a small one.
 ///
 /// ```
 /// use softray::prelude::*;
@@ -44,36 +45,35 @@ pub struct BlurSchedule {
     end: f64,
     hold: usize,
     steps: usize,
-    /// Whether it falls as half a period of the cosine, instead of by equal factors.
+    /// Whether the logarithm falls as half a cosine period instead of linearly.
     cosine: bool,
 }
 
 impl BlurSchedule {
-    /// A schedule with the same value at every step: radians for cones, scene units squared for the softmax.
+    /// A schedule with the same value at every step, in radians for cones, in scene units squared for the
+    /// softmax.
     ///
     /// # Errors
-    /// If it is not a finite number ≥ 0.
+    /// If the value is not a finite number ≥ 0.
     pub fn constant(value: f64) -> Result<Self> {
         let valid = value.is_finite() && value >= 0.0;
         Error::unless(valid, OBJECT, "value", value, "a finite number ≥ 0")?;
         Ok(Self::new(value, value, 1))
     }
 
-    /// A schedule from `start` at step 0 to `end` at step `steps` and after it: start·(end/start)^(step/steps);
-    /// radians for cones, scene units squared for the softmax.
+    /// A schedule that falls by the same factor at every step: start·(end/start)^(step/steps), and `end` from
+    /// step `steps` on. Values are in radians for cones, in scene units squared for the softmax.
     ///
     /// # Errors
-    /// If one of them is not a finite number > 0, `end` is larger than `start`, or there are no
-    /// steps.
+    /// If `start` or `end` is not a finite number > 0, `end` is larger than `start`, or `steps` is 0.
     pub fn decay(start: f64, end: f64, steps: usize) -> Result<Self> {
         check_ends(OBJECT, start, end)?;
         Error::unless(steps > 0, OBJECT, "steps", steps, "at least 1")?;
         Ok(Self::new(start, end, steps))
     }
 
-    /// As [`BlurSchedule::decay`], but slow at both ends: start·(end/start)^((1 −
-    /// cos(π·step/steps))/2). It is at the geometric mean half-way, like `decay`, and there falls
-    /// π/2 times as fast.
+    /// A schedule that falls slowly at both ends: start·(end/start)^((1 − cos(π·step/steps))/2). Like
+    /// [`BlurSchedule::decay`], it reaches the geometric mean half-way, and there it falls π/2 times as fast.
     ///
     /// # Errors
     /// Like [`BlurSchedule::decay`].
@@ -92,13 +92,13 @@ impl BlurSchedule {
         }
     }
 
-    /// Sets the number of steps for which the value stays at the start.
+    /// Sets the number of steps for which the value stays at the start before it falls; 0 by default.
     pub fn hold(mut self, steps: usize) -> Self {
         self.hold = steps;
         self
     }
 
-    /// The value at a step: radians for cones, scene units squared for the softmax.
+    /// Returns the value at a step, in radians for cones, in scene units squared for the softmax.
     pub fn at(&self, step: usize) -> f64 {
         let step = step.saturating_sub(self.hold);
         if step == 0 {
@@ -116,7 +116,7 @@ impl BlurSchedule {
     }
 }
 
-/// Blur of either kind, for a fit.
+/// The blur of a fit, of either kind.
 ///
 /// ```
 /// use softray::optim::{Blur, BlurSchedule, PlateauBlur};
@@ -134,15 +134,15 @@ impl BlurSchedule {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Blur {
-    /// Blur that depends on the number of the step.
+    /// Blur that depends on the step number.
     Scheduled(BlurSchedule),
     /// Blur that depends on the observed losses.
     Plateau(PlateauBlur),
 }
 
 impl Blur {
-    /// The value at a step: radians for cones, scene units squared for the softmax. A
-    /// plateau knows the present alone, whatever the step.
+    /// Returns the value at a step, in radians for cones, in scene units squared for the softmax. A
+    /// [`PlateauBlur`] returns its current value and ignores the step.
     pub fn value(&self, step: usize) -> f64 {
         match self {
             Self::Scheduled(schedule) => schedule.at(step),
@@ -150,7 +150,7 @@ impl Blur {
         }
     }
 
-    /// Observes the loss of a step, see [`PlateauBlur::observe`]; a schedule ignores it.
+    /// Observes the loss of a step (see [`PlateauBlur::observe`]). A schedule ignores it.
     pub fn observe(&mut self, loss: f64) {
         match self {
             Self::Scheduled(_) => {}
@@ -171,7 +171,7 @@ impl From<PlateauBlur> for Blur {
     }
 }
 
-/// Checks that a value can fall from start to end by factors.
+/// Checks that `start` and `end` are positive and `end` is not larger than `start`.
 fn check_ends(object: &str, start: f64, end: f64) -> Result<()> {
     Error::unless_positive(object, "start", start)?;
     Error::unless_positive(object, "end", end)?;

@@ -5,21 +5,21 @@ use std::collections::VecDeque;
 use super::check_ends;
 use crate::error::{Error, Result};
 
-/// The name of errors.
+/// The object name in error messages.
 const OBJECT: &str = "plateau blur";
-/// The relative fall of the loss up to which it counts as stopped, by default.
+/// The default tolerance: the largest relative fall of the loss that counts as stopped.
 pub(crate) const TOLERANCE: f64 = 0.02;
 
-/// Blur for a fit in which the number of steps for each width is unknown: it is multiplied by a
-/// factor whenever the loss has stopped falling, down to an end.
+/// Blur that is multiplied by a factor whenever the loss has stopped falling, down to an end. Use it if the
+/// number of steps for each width is unknown.
 ///
-/// Losses of renders are noisy, so means are compared: that of the last `patience` losses with
-/// that of as many before them, all since the last change, so a value stays for 2·`patience`
-/// observations at least. Where the noise of such a mean is not well under the tolerance, a change
-/// comes late, or early: take more patience.
+/// Losses of renders are noisy, so means are compared: the mean of the last `patience` losses with the mean of
+/// the `patience` losses before them. Only losses since the last change count, so a value stays for at least
+/// 2·`patience` observations. If the noise of such a mean is not well below the tolerance, a change comes too
+/// late or too early; increase the patience.
 ///
-/// The value depends on the observed losses and their order alone: to resume a fit, observe its
-/// losses again, or keep a clone.
+/// The value depends only on the observed losses and their order. To resume a fit, observe its losses again, or
+/// keep a clone.
 ///
 /// ```
 /// use softray::optim::PlateauBlur;
@@ -39,17 +39,18 @@ pub struct PlateauBlur {
     factor: f64,
     patience: usize,
     tolerance: f64,
-    /// The last 2·patience losses, or fewer, since the last change.
+    /// The losses since the last change, at most the last 2·patience of them.
     losses: VecDeque<f64>,
 }
 
 impl PlateauBlur {
-    /// A blur from `start` to `end`, in the units of its use (σ: scene units squared, γ: units of the
-    /// scene's depth), by `factor` at every change; means are of `patience` losses.
+    /// A blur that falls from `start` to `end`, multiplied by `factor` at every change; means are over
+    /// `patience` losses. The values are in the units of their use (cones: radians, σ: scene units squared, γ:
+    /// units of the scene's depth). The tolerance is 0.02.
     ///
     /// # Errors
-    /// If `start` or `end` is not a finite number > 0, `end` is larger than `start`, `factor` is
-    /// not between 0 and 1, or `patience` is 0.
+    /// If `start` or `end` is not a finite number > 0, `end` is larger than `start`, `factor` is not between 0
+    /// and 1, or `patience` is 0.
     pub fn new(start: f64, end: f64, factor: f64, patience: usize) -> Result<Self> {
         check_ends(OBJECT, start, end)?;
         let between = factor > 0.0 && factor < 1.0;
@@ -65,10 +66,10 @@ impl PlateauBlur {
         })
     }
 
-    /// Sets the relative fall of the mean loss up to which the value falls, in [0, 1); 0.02 by default.
+    /// Sets the largest relative fall of the mean loss that counts as stopped, in [0, 1); 0.02 by default.
     ///
     /// # Errors
-    /// If it is not at least 0 and under 1.
+    /// If it is not at least 0 and less than 1.
     pub fn tolerance(mut self, tolerance: f64) -> Result<Self> {
         let valid = (0.0..1.0).contains(&tolerance);
         let expected = "at least 0 and under 1";
@@ -77,13 +78,14 @@ impl PlateauBlur {
         Ok(self)
     }
 
-    /// The blur of the next step.
+    /// Returns the blur for the next step.
     pub fn value(&self) -> f64 {
         self.value
     }
 
-    /// Observes the loss of a step. It is ignored if it is not finite; it may be negative
-    /// ([`mse_unbiased`](crate::loss::mse_unbiased)): the fall is measured against its size.
+    /// Observes the loss of a step. A loss that is not finite is ignored. A loss may be negative
+    /// ([`mse_unbiased`](crate::loss::mse_unbiased)); the fall is relative to the magnitude of the earlier
+    /// mean.
     pub fn observe(&mut self, loss: f64) {
         if !loss.is_finite() || self.value <= self.end {
             return;
@@ -102,8 +104,8 @@ impl PlateauBlur {
     }
 }
 
-/// Whether the mean of the second half of some losses is less than that of the first half by no more than a
-/// share of it.
+/// Returns whether the mean of the losses has stopped falling: the mean of the second half is lower than the
+/// mean of the first half by at most the share `tolerance` of its magnitude.
 pub(crate) fn stopped_falling(losses: &[f64], tolerance: f64) -> bool {
     let (earlier, later) = losses.split_at(losses.len() / 2);
     let mean = |losses: &[f64]| losses.iter().sum::<f64>() / losses.len() as f64;

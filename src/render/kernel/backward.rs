@@ -1,4 +1,4 @@
-//! The backward pass: paths are traced again, and derivatives add up in the parent's gradient.
+//! The backward pass. It traces the paths again and sums derivatives into the parent's gradient.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -18,17 +18,18 @@ use crate::model::jumps::usual_searches;
 use crate::render::options::RenderOptions;
 use crate::render::tiles::Tile;
 
-/// Numbers in the sums of derivatives of all accumulators together.
+/// The maximum total size, in numbers, of all accumulators of derivatives.
 const ACCUMULATED: usize = 1 << 24;
 
-/// Views whose derivatives are held at once.
+/// The number of views whose derivatives are in memory at once.
 const VIEWS_AT_ONCE: usize = 16;
 
-/// One of so many pixels goes first: how much edges vary and cost there says how many samples the others give them.
+/// One pixel in this many comes first. The variance and cost of its edges set the numbers of edge samples of the
+/// others.
 const FIRST: u32 = 8;
-/// The least number of paths with which that is done.
+/// The minimum number of paths for this measurement.
 const LEAST_PATHS: u64 = 8192;
-/// One of so many samples of edges on the film is drawn first, and is no part of the result.
+/// One film edge sample in this many is drawn first, for the measurement. It is not part of the result.
 const FIRST_ON_FILM: u32 = 32;
 
 /// The backward pass of a batch on the host.
@@ -38,14 +39,14 @@ pub(super) struct Backward {
     tiles: Vec<Tile>,
     rows: Rows,
     samples: u32,
-    /// Whether edges are given samples by what they bring.
+    /// Whether the numbers of edge samples adapt to variance and cost.
     shares: bool,
-    /// Numbers of the parent.
+    /// The size of the parent.
     size: usize,
 }
 
 impl Backward {
-    /// For pixels of a list, or all; `size` is that of the parent.
+    /// Makes the backward pass for a list of pixels, or for all; `size` is the size of the parent.
     pub fn new(
         views: Vec<(View, Places)>,
         size: usize,
@@ -66,7 +67,7 @@ impl Backward {
         }
     }
 
-    /// The gradient of the parent from that of the rows of all views `[B·P, C]`.
+    /// Returns the gradient of the parent for the upstream gradient `[B·P, C]` of the rows of all views.
     pub fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
         let upstream: Vec<f64> = upstream.iter::<f64>().collect();
         let at_once = VIEWS_AT_ONCE * self.rows.count() * self.pixels.len();
@@ -78,7 +79,7 @@ impl Backward {
         all
     }
 
-    /// Adds the derivatives by the scenes and cameras of some views.
+    /// Adds the derivatives of the loss with respect to the scenes and cameras of some views.
     fn add_group(&self, views: &[(View, Places)], rows: &[f64], all: &mut [f64]) {
         let of_view = self.rows.count() * self.pixels.len();
         let sums: Vec<HostSums> = views
@@ -97,7 +98,7 @@ impl Backward {
         }
     }
 
-    /// The derivatives of the loss by a view's pixels, and the edges on its film where it depends on it.
+    /// Returns the upstream gradient of a view's pixels, and the edges on its film if there are any.
     fn asked(&self, view: &View, rows: &[f64]) -> Asked {
         let channels = self.rows.count();
         let unit = view.scene.frame.unit;
@@ -132,8 +133,8 @@ impl Backward {
         if !view.settings.interior && !jumps {
             return;
         }
-        // Tiles in accumulators that have their sums to themselves: as many whatever the machine, so that
-        // sums come out the same.
+        // Each accumulator has its own sums of some tiles. Their number does not depend on the machine, so the sums are
+        // reproducible.
         let accumulators = (ACCUMULATED / all.len()).clamp(4, 64);
         let each = self.tiles.len().div_ceil(accumulators).max(1);
         let per_sample = f64::from(self.samples).recip() as f32;
@@ -176,8 +177,8 @@ impl Backward {
     }
 }
 
-/// Adds parts that are computed on all cores, each in sums of its own, in their order: few are held at once.
-/// Returns how much samples of edges vary and cost.
+/// Computes parts on all cores, each in its own sums, and adds them in order. Few parts are in memory at once.
+/// Returns the variance and cost of the edge samples.
 fn add_in_order(
     view: &View,
     count: usize,
@@ -185,7 +186,7 @@ fn add_in_order(
     part: impl Fn(usize, &mut Work, &mut HostSums) + Sync,
 ) -> Yields {
     let next = AtomicUsize::new(0);
-    // The sums, the number of parts in them, and parts that came before their turn.
+    // The sums, the variance and cost, the number of added parts, and parts that finished early.
     let added = Mutex::new((all, Yields::default(), 0, BTreeMap::new()));
     let of_core = |_| loop {
         let i = next.fetch_add(1, Ordering::Relaxed);
@@ -209,26 +210,26 @@ fn add_in_order(
     added.into_inner().unwrap_or_else(PoisonError::into_inner).1
 }
 
-/// What a loss depends on in a view.
+/// The dependence of a loss on a view.
 struct Asked {
-    /// Its derivatives by each pixel.
+    /// The derivatives of the loss with respect to each pixel.
     upstream: Vec<(u32, Seen)>,
-    /// Paths of pixels on which it depends.
+    /// The number of paths in pixels with a nonzero derivative.
     paths: u64,
-    /// Where something can jump.
+    /// The edges on the film, if there are any.
     film: Option<Film>,
 }
 
-/// Edges on a film.
+/// The edges on a film.
 struct Film {
     edges: FilmEdges,
     pixels: PixelGradients,
-    /// How many are drawn usually.
+    /// The usual number of samples.
     samples: u32,
 }
 
 impl Film {
-    /// Adds the derivatives by jumps at so many edges.
+    /// Adds the boundary terms of a range of edge samples.
     fn add(
         &self,
         view: &View,
@@ -245,12 +246,12 @@ impl Film {
         })
     }
 
-    /// How much a few edges vary and cost. Their random numbers are their own.
+    /// Measures the variance and cost of a few edge samples, with independent random numbers.
     fn first(&self, view: &View) -> Yields {
         let count = self.samples.div_ceil(FIRST_ON_FILM);
         let mut sums = HostSums::new(&view.scene, &view.wanted);
         let mut yields = self.add(view, MOST..MOST + count, 4, &mut sums);
-        // Each was one of `count`: squares fall as the number of samples grows.
+        // Each sample was one of `count`. Squares fall as the number of samples grows.
         let of = &mut yields.edges[ON_FILM];
         of.squares /= f64::from(FIRST_ON_FILM).powi(2);
         yields

@@ -1,4 +1,4 @@
-//! The forward pass: tiles of all views on all cores, and their sums as rows of images.
+//! The forward pass on the host. It renders tiles of all views on all cores into rows of images.
 
 use std::ops::Range;
 use std::sync::atomic::AtomicUsize;
@@ -13,10 +13,10 @@ use crate::kernel::{Counted, RayCounts, View, Work};
 use crate::render::options::RenderOptions;
 use crate::render::tiles::{Tile, tiles};
 
-/// Camera rays of a tile.
+/// The default number of camera rays per tile.
 const RAYS: usize = 1 << 13;
 
-/// The tiles of samples of a view's pixels.
+/// Divides the samples of a view's pixels into tiles.
 pub(super) fn camera_tiles(
     options: &RenderOptions,
     pixels: usize,
@@ -25,26 +25,26 @@ pub(super) fn camera_tiles(
     tiles(options, pixels, samples, RAYS)
 }
 
-/// The forward pass: what its views have in common.
+/// The forward pass: the data that all views share.
 pub(super) struct Forward<'a> {
     pub options: &'a RenderOptions,
-    /// The pixels, if not all.
+    /// The pixels to render; all if `None`.
     pub pixels: Option<&'a Vec<u32>>,
-    /// The samples of each.
+    /// The number of samples of each pixel.
     pub samples: usize,
     pub tiles: &'a [Tile],
     pub rows: &'a Rows,
-    /// The number of tiles that are done, of how many.
+    /// The number of finished tiles, and of all.
     pub done: Option<(&'a AtomicUsize, usize)>,
 }
 
-/// Counts of a forward pass.
+/// The counts of a forward pass.
 #[derive(Clone, Default)]
 pub(super) struct Traced {
     pub counts: RayCounts,
-    /// Numbers of radiance that are not finite.
+    /// The number of radiance values that are not finite.
     pub non_finite: u64,
-    /// Whether a pixel is not black; known of means, not of tiles.
+    /// Whether any pixel is not black. Valid for means, not for tiles.
     pub lit: bool,
 }
 
@@ -57,8 +57,8 @@ impl Traced {
 }
 
 impl Forward<'_> {
-    /// The rows of all pixels of all views `[B·P, C]`, each number of a type of its own; they are all that
-    /// is held at once.
+    /// Returns the rows `[B·P, C]` of all pixels of all views, converted by `cast`. Only one array of this size is in
+    /// memory.
     pub fn views<T: Element + Send>(
         &self,
         views: &[(View, Places)],
@@ -85,7 +85,7 @@ impl Forward<'_> {
         Ok((TensorData::new(means, shape), traced))
     }
 
-    /// Fills the rows of a view's pixels `[P, C]`.
+    /// Fills the rows `[P, C]` of a view's pixels.
     fn view<T: Send>(
         &self,
         view: &View,
@@ -115,7 +115,7 @@ impl Forward<'_> {
         traced
     }
 
-    /// Sums over the samples of a tile `[P, C]`.
+    /// Returns the sums `[P, C]` over the samples of a tile.
     fn tile(&self, view: &View, tile: &Tile) -> (Vec<f64>, Traced) {
         let own = view.scene.lists.counted.len();
         let range = tile.first..tile.first + tile.pixels;
@@ -147,7 +147,7 @@ impl Forward<'_> {
             if let (Some(objects), Some(all)) = (&more.objects, self.rows.objects) {
                 let first = channels - usize::from(self.rows.rays) - all - 1;
                 for (k, share) in objects[i * (own + 1)..][..=own].iter().enumerate() {
-                    // The background comes last, whatever the number of objects.
+                    // The background is last, for any number of objects.
                     row[first + if k == own { all } else { k }] = f64::from(*share);
                 }
             }

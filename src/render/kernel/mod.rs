@@ -1,5 +1,5 @@
-//! Renders by kernels: all views of a batch are one node of the graph, from the tensors of scenes and
-//! cameras to the images. The backward pass traces the paths again; memory does not grow with them.
+//! Renders with kernels. All views of a batch are one node of the graph, from the tensors of scenes and cameras to the
+//! images. The backward pass traces the paths again, so memory does not grow with their number.
 
 mod backward;
 mod forward;
@@ -25,8 +25,8 @@ use prepare::{Places, Prepared, prepare};
 use rows::Rows;
 use trace::{Jobs, Pass};
 
-/// The jumps of visibility in the gradient of a view's tensors (as one row), from the gradient of its rows
-/// `[P, C]`.
+/// Returns the boundary terms of the gradient of a view's tensors (as one row) for the upstream gradient `[P, C]` of
+/// its rows.
 pub(super) fn jumps(
     (scene, camera): (&Scene, &Camera),
     options: &RenderOptions,
@@ -45,7 +45,7 @@ pub(super) fn jumps(
     Ok(backward.gradient(upstream))
 }
 
-/// Renders pixels of all views (all pixels, if there is no list).
+/// Renders the listed pixels of all views, or all pixels without a list.
 pub(super) fn render(
     batch: &Batch,
     options: &RenderOptions,
@@ -77,7 +77,7 @@ pub(super) fn render(
         Some(_) => Program::DeviceKernels,
         None => Program::HostKernels,
     };
-    // Where scenes have no light that was told already.
+    // Scenes without light have their own warning.
     if lit
         && pixels.is_none()
         && let Some(black) = traced.iter().position(|t| !t.lit)
@@ -122,7 +122,7 @@ pub(super) fn render(
     })
 }
 
-/// The gradient of so many numbers, on a GPU.
+/// The derivative on a GPU with respect to `numbers` parameters.
 fn of_jobs(
     jobs: Jobs,
     context: &Context,

@@ -1,5 +1,5 @@
-//! Scenes are read back and packed, views made of them, and all tensors that are in a graph put into one row: the
-//! only parent of the images of a batch.
+//! Reads scenes back, packs them and makes views of them. All tracked tensors are concatenated into one row, the only
+//! parent of the images of a batch.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -23,22 +23,22 @@ use crate::scene::{
 };
 use crate::tensors::Visibility;
 
-/// A batch, ready to be traced.
+/// A batch that is ready to trace.
 pub(super) struct Prepared {
     pub views: Vec<(View, Places)>,
-    /// All that is in a graph, in one row.
+    /// All tracked tensors, in one row.
     pub parent: Option<Tensor<1>>,
     pub context: Context,
     /// Whether all scenes have light.
     pub lit: bool,
 }
 
-/// The scenes and the cameras of a batch, on the host; constants that were read before are not read again.
+/// Reads the scenes and cameras of a batch to the host. Constants in the cache are not read again.
 fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<HostCamera>)> {
     let mut batch = batch.clone();
     let of_scene =
         |(index, scene): (usize, &Scene)| check_devices(scene).map_err(in_batch("scene", index));
-    // Devices and shapes of the first are those of all.
+    // The first scene's vertices have the device and shape of all.
     let scenes = batch.scenes_with(|vertices| {
         let [_, count, _] = vertices.dims();
         detached(vertices).slice([0..1]).reshape([count, 3])
@@ -60,10 +60,10 @@ fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<Hos
         let checked = camera.check_device(context);
         checked.map_err(in_batch("view", index))?;
     }
-    // A device that allows too little is told before any kernel runs on it.
+    // A device with insufficient limits is an error before any kernel runs on it.
     #[cfg(feature = "wgpu")]
     crate::gpu::check(&context.device, std::iter::empty(), false)?;
-    // Vertices of the batch are read together.
+    // The vertices of the batch are read together, not scene by scene.
     let device = host_device().unwrap_or(context.device.clone());
     batch.scenes = batch.scenes_with(|_| Tensor::zeros([1, 3], &device));
     let mut vertices: Vec<Tensor<3>> = batch.vertices.iter().map(|v| v.1.clone()).collect();
@@ -72,7 +72,7 @@ fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<Hos
         cameras: &mut cameras,
         more: &mut vertices,
     };
-    // Not held meanwhile: other renders may have the same cache.
+    // The lock is released meanwhile, since other renders may share the cache.
     let mut constants = std::mem::take(&mut *last.constants());
     transfer.fetch(context, &mut constants, identity)?;
     *last.constants() = constants;
@@ -92,7 +92,7 @@ fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<Hos
     Ok((hosts, cameras.collect::<Result<_>>()?))
 }
 
-/// What tensors of GPUs are known by.
+/// The identity of a tensor on a GPU.
 fn identity(tensor: &Tensor<1>) -> Option<Identity> {
     #[cfg(feature = "wgpu")]
     return crate::gpu::identity(tensor);
@@ -103,7 +103,7 @@ fn identity(tensor: &Tensor<1>) -> Option<Identity> {
     }
 }
 
-/// The scenes as kernels have them; the boxes of the first serve the others, where these have none of their own.
+/// Packs the scenes for the kernels. Scenes without a cached BVH start from the first scene's.
 fn pack(
     hosts: &mut [HostScene],
     last: &[LastScene],
@@ -121,7 +121,8 @@ fn pack(
     std::iter::once(first).chain(others).collect()
 }
 
-/// Makes the views of a batch; `interior` says whether the backward pass goes along paths, or over jumps alone.
+/// Makes the views of a batch. With `interior`, the backward pass computes interior and boundary terms, otherwise only
+/// boundary terms.
 pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) -> Result<Prepared> {
     let Visibility::Cone { angle, pixels } = options.visibility else {
         unreachable!("the softmax is for tensors");
@@ -136,7 +137,7 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     let mut row = Collect::default();
     let scene_places = collect_scenes(&mut row, batch);
     let mut of_views = Vec::with_capacity(batch.views.len());
-    // For each scene the first view with derivatives by what jumps.
+    // For each scene the first view whose gradient has boundary terms.
     let mut moving = vec![None; scenes.len()];
     for (index, (scene, camera)) in batch.views.iter().enumerate() {
         visit_camera(&mut camera.clone(), &mut row);
@@ -162,7 +163,7 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     let of_batch = batch.views.iter().zip(&cameras).enumerate();
     let of_batch = of_batch.zip(of_views);
     let views = of_batch.map(|((index, ((scene, _), camera)), (wanted, places))| {
-        // With a blur of all rays the camera's is as wide as the others.
+        // With a blur of all rays, the camera rays' cone is as wide as the others.
         let wide = options.blur.map_or(0.0, f64::tan);
         let pixels_per_tangent = 0.5 * options.height as f64 / camera.half_height;
         let filter = filters.of_cone(pixels, wide * pixels_per_tangent);
@@ -190,17 +191,17 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     })
 }
 
-/// The places of tensors in the row.
+/// The ranges of tensors in the row.
 pub(super) type TensorPlaces = Vec<(ParameterId, Range<usize>)>;
 
-/// The places of a view's derivatives in the row.
+/// The ranges of a view's derivatives in the row.
 #[derive(Clone, Default)]
 pub(super) struct Places {
     pub scene: TensorPlaces,
     pub camera: TensorPlaces,
 }
 
-/// Adds the tensors of the batch to the row, then those of its scenes, and returns the places of each scene's.
+/// Adds the batch's vertices to the row, then the tensors of its scenes. Returns the ranges of each scene's tensors.
 fn collect_scenes(row: &mut Collect, batch: &Batch) -> Vec<TensorPlaces> {
     let mut starts = Vec::with_capacity(batch.vertices.len());
     for (_, values) in &batch.vertices {

@@ -1,15 +1,16 @@
-//! The rows of an image, to and from what kernels make of a pixel.
+//! Converts between the rows of an image and the kernels' pixel values.
 
 use glam::DVec3;
 
 use crate::kernel::Seen;
 use crate::render::options::Outputs;
 
-/// The rows of an image: radiance, opacity, depth, normal, share of each object and the background, rays of a path.
+/// The channels of an image: radiance, opacity, depth, normal, weights of the objects and the background, rays of a
+/// path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rows {
     outputs: Outputs,
-    /// The number of objects, if their shares are asked for.
+    /// The number of objects, if their weights are requested.
     pub objects: Option<usize>,
     /// Whether rays are counted.
     pub rays: bool,
@@ -24,7 +25,7 @@ impl Rows {
         }
     }
 
-    /// Radiance, and rays.
+    /// Only radiance and the number of rays.
     pub fn with_rays() -> Self {
         Self {
             rays: true,
@@ -32,7 +33,7 @@ impl Rows {
         }
     }
 
-    /// The rows as kernels of GPUs know them.
+    /// The outputs in the format of the GPU kernels.
     #[cfg(feature = "wgpu")]
     pub fn for_gpu(&self) -> crate::gpu::Outputs {
         let o = self.outputs;
@@ -45,13 +46,14 @@ impl Rows {
         }
     }
 
-    /// The number of rows.
+    /// The number of channels.
     pub fn count(&self) -> usize {
         let of_pixel = self.of(&Seen::default(), 1.0).count();
         of_pixel + self.objects.map_or(0, |n| n + 1) + usize::from(self.rays)
     }
 
-    /// All but the shares of objects, in a scene whose distances are in so many scene units.
+    /// Returns the channels of a pixel, without weights of objects and rays. `unit` is the kernels' length unit in
+    /// scene units.
     pub fn of(&self, p: &Seen, unit: f64) -> impl Iterator<Item = f64> {
         let o = self.outputs;
         let opacity = o.need_opacity().then_some(f64::from(p.opacity));
@@ -62,7 +64,7 @@ impl Rows {
         rows.chain(normal.into_iter().flatten())
     }
 
-    /// From rows of derivatives by the rows.
+    /// Converts the derivatives with respect to the channels into derivatives with respect to the pixel's values.
     pub fn upstream(&self, row: impl Fn(usize) -> f64, unit: f64) -> Seen {
         let mut next = 0;
         let mut take = |wanted: bool| {
@@ -73,7 +75,7 @@ impl Rows {
             row(next - 1)
         };
         let Outputs { depth, normals, .. } = self.outputs;
-        // In the order of the rows.
+        // In the order of the channels.
         Seen {
             radiance: DVec3::new(take(true), take(true), take(true)).into(),
             opacity: take(self.outputs.need_opacity()) as f32,

@@ -1,4 +1,4 @@
-//! The forward pass of a batch, by kernels on its device where it is a GPU and numbers are f32, else on the host.
+//! The forward pass of a batch. Kernels run on its device if it is a GPU and tensors are f32, otherwise on the host.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -21,29 +21,29 @@ use crate::render::adaptive::{pilots, shares};
 use crate::render::cache::HierarchyCache;
 use crate::render::options::RenderOptions;
 
-/// What is traced, and how.
+/// The parameters of a forward pass.
 pub(super) struct Pass<'a> {
     pub options: &'a RenderOptions,
     pub views: &'a [(View, Places)],
     pub context: &'a Context,
     pub rows: &'a Rows,
-    /// The pixels of a view, if not all, and their number.
+    /// The pixels of each view (all if `None`), and their number.
     pub pixels: Option<Arc<Vec<u32>>>,
     pub count: usize,
 }
 
-/// Rows of the pixels of some views `[B·P, C]`, and what was counted of each view.
+/// The rows `[B·P, C]` of the pixels of some views, and the counts of each view.
 type Images = (Tensor<2>, Vec<Traced>);
 
 /// Views that are traced together.
 struct Together {
     views: Range<usize>,
-    /// On a GPU, in groups by their numbers among these.
+    /// On a GPU: groups of views, with the indices of their views in this range.
     #[cfg(feature = "wgpu")]
     packed: Vec<(Vec<usize>, Arc<Packed>)>,
 }
 
-/// Pixels of a view, by their number and perhaps a list, and their samples.
+/// Pixels of a view (all if there is no list), their number, and their samples.
 #[derive(Clone)]
 struct Share {
     pixels: Option<Arc<Vec<u32>>>,
@@ -51,18 +51,18 @@ struct Share {
     samples: Range<u32>,
 }
 
-/// How many tiles of how many are done.
+/// The number of finished tiles, and of all.
 type Done<'a> = Option<(&'a AtomicUsize, usize)>;
 
-/// What the backward pass needs to run on a GPU.
+/// The data for a backward pass on a GPU.
 #[cfg(feature = "wgpu")]
 pub(super) type Jobs = Vec<(Vec<usize>, Job)>;
-/// Without GPUs there is nothing.
+/// Without GPU support there are no jobs.
 #[cfg(not(feature = "wgpu"))]
 pub(super) type Jobs = std::convert::Infallible;
 
 impl Pass<'_> {
-    /// The rows of all pixels of all views, what was counted, and what was run on a GPU if so.
+    /// Returns the rows of all pixels of all views with the counts, and the jobs if a GPU ran them.
     pub fn trace(&self, with_gradient: bool) -> Result<(Images, Option<Jobs>)> {
         let all = self.together(0..self.views.len(), self.options.cache.as_ref());
         let share = self.share(0..self.options.samples);
@@ -85,7 +85,7 @@ impl Pass<'_> {
                 self.rows(&all, &share, Some((&done, tiles * self.views.len())))?
             }
         };
-        // A render that failed may have left anything on the device.
+        // Buffers are kept only here, since a failed render leaves their contents undefined.
         #[cfg(feature = "wgpu")]
         if self.on_gpu()
             && let Some(cache) = &self.options.cache
@@ -96,7 +96,7 @@ impl Pass<'_> {
         Ok((images, jobs))
     }
 
-    /// Samples of all pixels.
+    /// A share with samples of all pixels.
     fn share(&self, samples: Range<u32>) -> Share {
         Share {
             pixels: self.pixels.clone(),
@@ -105,7 +105,7 @@ impl Pass<'_> {
         }
     }
 
-    /// As many samples of each pixel as two images of few say.
+    /// Renders with adaptive sampling: two pilot images set the number of samples of each pixel.
     fn adaptive(&self, all: &Together, pilots: [Range<u32>; 2]) -> Result<Images> {
         let rows = &Rows::with_rays();
         let pilot = Pass {
@@ -158,7 +158,7 @@ impl Pass<'_> {
         Ok((Tensor::cat(images, 0), traced))
     }
 
-    /// Shares of all pixels of a view, as one image.
+    /// Renders the shares of all pixels of a view as one image.
     fn view(&self, view: &Together, shares: &[Share], done: Done) -> Result<(Tensor<2>, Traced)> {
         let of_share = |share: &Share| self.rows(view, share, done);
         let found = if self.on_gpu() {
@@ -185,7 +185,7 @@ impl Pass<'_> {
         Ok((rows.select(0, order), traced))
     }
 
-    /// Means over a share of samples.
+    /// Returns the means over a share's samples.
     fn rows(&self, of: &Together, share: &Share, done: Done) -> Result<Images> {
         #[cfg(feature = "wgpu")]
         if self.on_gpu() {
@@ -228,7 +228,7 @@ impl Pass<'_> {
         self.context.dtype == DType::F32 && crate::device::runs_kernels(&self.context.device)
     }
 
-    /// Views together, in the buffers of the last render with a cache.
+    /// Packs views to be traced together, with a cache into the buffers of the last render.
     fn together(&self, views: Range<usize>, cache: Option<&HierarchyCache>) -> Together {
         let of: Vec<&View> = self.views[views.clone()].iter().map(|v| &v.0).collect();
         let mut packed = Vec::new();
@@ -271,7 +271,7 @@ impl Pass<'_> {
         let order: Vec<usize> = jobs.iter().flat_map(|j| &j.0).copied().collect();
         let image = in_order(image, &order);
         let views = order.len();
-        // Light that is not black is not known before the image is read.
+        // Whether the image is black is unknown until it is read back.
         let mut traced = vec![
             Traced {
                 lit: true,
@@ -298,7 +298,7 @@ impl Pass<'_> {
     }
 }
 
-/// The rows of views `[B·P, C]` that are one behind the other by these numbers, in the order of the numbers.
+/// Sorts the rows `[B·P, C]` of views by the views' numbers.
 #[cfg(feature = "wgpu")]
 fn in_order(rows: Tensor<2>, numbers: &[usize]) -> Tensor<2> {
     if numbers.is_sorted() {

@@ -1,5 +1,5 @@
-//! Renders as chains of tensor operations, tile by tile: the softmax, and cones as the specification of
-//! the kernels.
+//! Renders with tensor operations, tile by tile. This implements the softmax, and cones as the specification of the
+//! kernels.
 
 mod outputs;
 mod renderer;
@@ -39,7 +39,7 @@ pub(super) fn render(
         if !options.outputs.object_ids || *own == objects {
             return rows;
         }
-        // Views of fewer objects have weights of 0 of the others; the background comes last.
+        // Views with fewer objects get weights of 0 for the missing ones. The background is last.
         let [pixels, all] = rows.dims();
         let none = Tensor::zeros([pixels, objects - own], (&rows.device(), rows.dtype()));
         let background = rows.clone().narrow(1, all - 1, 1);
@@ -56,7 +56,7 @@ pub(super) fn render(
     })
 }
 
-/// One view: the number of its objects, and means over samples.
+/// Renders one view. Returns the number of its objects, and means over samples.
 fn render_view(
     scene: &Scene,
     camera: &Camera,
@@ -70,7 +70,7 @@ fn render_view(
     let host = HostScene::new(&still)?;
     still_camera.check(Some(&host.context))?;
     let normalization = if !options.visibility.is_softmax() {
-        // As the kernels have it.
+        // The same as in the kernels.
         let frame = SceneFrame::new(&host);
         Normalization {
             center: frame.centre.into(),
@@ -86,7 +86,7 @@ fn render_view(
     let [tiles, replayed] = renderer.tiles()?;
     let mut traced = renderer.render(&tiles)?;
     if !collected.rows.is_empty() {
-        // Forward without tape, backward on paths traced again.
+        // The forward pass has no tape. The backward pass traces the paths again.
         let parameters = Tensor::cat(collected.rows, 0);
         let replay = Replay {
             scene: scene.clone(),

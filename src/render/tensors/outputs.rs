@@ -1,4 +1,4 @@
-//! The rows of an image that stand beside radiance.
+//! The channels of an image.
 
 use burn::tensor::Tensor;
 
@@ -7,7 +7,7 @@ use crate::render::options::Outputs;
 use crate::scene::Flattened;
 use crate::tensors::{Group, Radiance};
 
-/// Rows `[_, N]`: radiance, opacity, depth, normal, weight of each object.
+/// Returns channels `[_, N]`: radiance, opacity, depth, normal, weights of the objects and the background.
 pub(super) fn outputs(scene: &Flattened, outputs: Outputs, found: Radiance) -> Vec<Tensor<2>> {
     let Vec3 { x, y, z } = found.radiance;
     let mut rows = vec![x, y, z];

@@ -1,4 +1,4 @@
-//! One view as a chain of tensor operations.
+//! Renders one view with tensor operations.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
@@ -20,7 +20,7 @@ use crate::tensors::{
     Transport, VisibilityForm, hierarchy_of, trace,
 };
 
-/// A view, ready to be traced.
+/// A view that is ready to trace.
 pub(super) struct TensorRenderer<'a> {
     pub scene: &'a Flattened,
     camera: &'a Camera,
@@ -30,13 +30,13 @@ pub(super) struct TensorRenderer<'a> {
     sky: Option<Sky>,
     settings: PathSettings,
     sight: Sight,
-    /// Of cones.
+    /// The pixel filter, for cones only.
     filter: Option<PixelFilter>,
-    /// The pixels to render, where that is not all.
+    /// The pixels to render; all if `None`.
     pixels: Option<Arc<Vec<u32>>>,
 }
 
-/// Radiance and what was asked for beside it, as rows of pixels `[C, P]`, and counts.
+/// Radiance and the other requested outputs as rows `[C, P]`, and counts.
 pub(super) struct Traced {
     pub rows: Tensor<2>,
     pub statistics: RayStatistics,
@@ -71,7 +71,7 @@ impl<'a> TensorRenderer<'a> {
         })
     }
 
-    /// The boxes, if there are any.
+    /// The BVH, if there is one.
     pub fn hierarchy(&self) -> Option<Arc<Hierarchy>> {
         match &self.sight {
             Sight::Cones(cones) => Some(cones.hierarchy()),
@@ -79,7 +79,7 @@ impl<'a> TensorRenderer<'a> {
         }
     }
 
-    /// Means over samples.
+    /// Returns the means over samples.
     pub fn render(&self, tiles: &[Tile]) -> Result<Traced> {
         let done = AtomicUsize::new(0);
         let run = |tile: &Tile| {
@@ -94,7 +94,7 @@ impl<'a> TensorRenderer<'a> {
         };
         let mut statistics = RayStatistics::default();
         let mut diagnostics: Option<Diagnostics> = None;
-        // Tiles come in order of pixels, then samples.
+        // Tiles are in order of pixels, then samples.
         let mut columns: Vec<Tensor<2>> = Vec::new();
         for (tile, result) in tiles.iter().zip(results) {
             statistics.merge(&result.statistics);
@@ -107,7 +107,7 @@ impl<'a> TensorRenderer<'a> {
                 columns.push(sum + result.rows);
             }
         }
-        // Not a division: its backward pass rounds 1/n to f32.
+        // A multiplication, since the backward pass of a division rounds 1/n to f32.
         let rows = Tensor::cat(columns, 1) * f64::from(self.options.samples).recip();
         Ok(Traced {
             rows,
@@ -116,8 +116,8 @@ impl<'a> TensorRenderer<'a> {
         })
     }
 
-    /// Tiles of the forward pass, and of the backward pass, which keeps a tape as long as its paths: of fewer rays
-    /// where these are paired with many triangles, on average over some camera rays.
+    /// Returns the tiles of the forward pass and of the backward pass, whose tape grows with the length of its paths.
+    /// Tiles have fewer rays if rays are paired with many triangles, on average over some camera rays.
     pub fn tiles(&self) -> Result<[Vec<Tile>; 2]> {
         let step = self.pixels().div_ceil(256);
         let probed = (0..self.pixels()).step_by(step);
@@ -158,7 +158,7 @@ impl<'a> TensorRenderer<'a> {
         }
     }
 
-    /// The sums over a tile.
+    /// Returns the sums over a tile's samples.
     pub fn tile(&self, tile: &Tile) -> Result<Traced> {
         let paths: Vec<(u32, u32)> = (tile.first..tile.first + tile.pixels)
             .map(|i| self.pixel(i))
@@ -244,7 +244,7 @@ impl<'a> TensorRenderer<'a> {
     }
 }
 
-/// The visibility of a render, with the boxes that it needs, and the filter of its pixels.
+/// Returns the visibility of a render, with the BVH that it needs, and the pixel filter.
 fn sight(
     scene: &Flattened,
     camera: &Camera,
@@ -274,7 +274,7 @@ fn sight(
                 let expected = "none under the softmax: holes are for Visibility::cone";
                 return Err(Error::invalid("scene", "alpha mask", "a mask", expected));
             }
-            // Diagnostics count all pairs, and GPUs do without the host.
+            // Diagnostics count all pairs, and GPUs avoid the host.
             let is_dense =
                 options.brute_force || options.diagnostics || !is_cpu(&scene.context.device);
             let candidates = match is_dense {

@@ -1,5 +1,5 @@
-//! The backward pass of a view: its paths are traced again, tile by tile, each with a tape of its own that is
-//! gone after it. So memory does not grow with samples, bounces or pixels, and tiles run on all cores.
+//! The backward pass of a view. It traces the paths again, tile by tile, each with its own short-lived tape. Memory
+//! therefore does not grow with samples, bounces or pixels, and tiles run on all cores.
 
 use std::sync::Arc;
 
@@ -24,33 +24,33 @@ pub(super) struct Replay {
     pub options: RenderOptions,
     pub normalization: Normalization,
     pub pixels: Option<Arc<Vec<u32>>>,
-    /// Without tape.
+    /// All tracked tensors in one row, detached.
     pub parameters: Tensor<1>,
     pub hierarchy: Option<Arc<Hierarchy>>,
     pub tiles: Vec<Tile>,
 }
 
 impl Replay {
-    /// The gradient of the parameters from that of the means `[C, P]`.
+    /// Returns the gradient of the parameters for the upstream gradient `[C, P]` of the means.
     pub fn gradient(&self, upstream: &TensorData) -> Vec<f64> {
         let interior = self.interior(upstream);
         if self.options.visibility.is_softmax() {
             return interior;
         }
         let (_, scene, camera) = self.anew();
-        // Kernels have the channels of a pixel side by side.
+        // In kernels the channels of a pixel are contiguous.
         let upstream = transposed(upstream);
         let pixels = self.pixels.clone();
         let jumps = kernel::jumps((&scene, &camera), &self.options, pixels, &upstream);
         let jumps = jumps.unwrap_or_else(|e| panic!("a render could not be replayed: {e}"));
-        // Rounded before jumps are added, as it is where there are none.
+        // Rounded before the boundary terms are added, so that it is the same as without them.
         let count = interior.len();
         let interior = TensorData::new(interior, [count]).convert_dtype(self.parameters.dtype());
         let sums = interior.iter::<f64>().zip(jumps).map(|(a, b)| a + b);
         sums.collect()
     }
 
-    /// The gradient of all that changes while visibility doesn't.
+    /// Returns the gradient by autodiff: the interior term for cones, the whole gradient for the softmax.
     fn interior(&self, upstream: &TensorData) -> Vec<f64> {
         let count = self.parameters.dims()[0];
         let shape = upstream.shape().clone();
@@ -89,7 +89,7 @@ impl Replay {
         } else {
             self.tiles.iter().map(of_tile).collect()
         };
-        // A backward pass can't return an error, and what could fail went well in the forward pass.
+        // A backward pass can't return an error, and the forward pass ran the same operations without one.
         let parts = parts.unwrap_or_else(|e| panic!("a render could not be replayed: {e}"));
         let mut sum = vec![0.0; count];
         for part in parts {
@@ -98,8 +98,8 @@ impl Replay {
         sum
     }
 
-    /// Scene and camera in a graph of their own, with the leaf of its parameters: that of the image is
-    /// locked while it goes backward.
+    /// Returns the leaf tensor of the parameters, and the scene and the camera in a graph of their own. The image's
+    /// graph is locked during its backward pass.
     fn anew(&self) -> (Tensor<1>, Scene, Camera) {
         let leaf = self.parameters.clone().autodiff().require_grad();
         let (mut scene, mut camera) = (self.scene.clone(), self.camera.clone());
@@ -112,7 +112,7 @@ impl Replay {
     }
 }
 
-/// A matrix `[C, P]` as `[P, C]`.
+/// Transposes a matrix `[C, P]` to `[P, C]`.
 fn transposed(data: &TensorData) -> TensorData {
     let (rows, columns) = (data.shape()[0], data.shape()[1]);
     let values: Vec<f64> = data.iter::<f64>().collect();

@@ -9,7 +9,7 @@ use super::{Drawn, Numbers, TensorBsdf, cosine};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
 use crate::model::bsdf::{DIELECTRIC_F0, Fit, dielectric_facets, lost, mean_of_dielectric_facets};
-use crate::scene::{Bsdf, MOST_OF_METAL};
+use crate::scene::{BsdfKind, MOST_OF_METAL};
 use crate::tensors::surface::{Model, SurfacePoints};
 
 /// The least probability of each of two lobes that there are.
@@ -52,7 +52,7 @@ impl<'a> Metal<'a> {
     pub fn new(points: &'a SurfacePoints, model: &Model, incoming: &Vec3) -> Self {
         let mut metal = Self(Facets::new(points, model, incoming));
         let Facets { first, second, .. } = &mut metal.0;
-        if model.kind.bsdf == Bsdf::Conductor {
+        if model.kind.bsdf == BsdfKind::Conductor {
             for v in [first, second] {
                 *v = v.map(|x| clamped(&x, 0.0, MOST_OF_METAL));
             }
@@ -63,7 +63,7 @@ impl<'a> Metal<'a> {
     }
 
     fn is_conductor(&self) -> bool {
-        self.0.kind.bsdf == Bsdf::Conductor
+        self.0.kind.bsdf == BsdfKind::Conductor
     }
 
     /// Fresnel's reflectance of a conductor.

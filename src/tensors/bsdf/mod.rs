@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
 use crate::model::bsdf::HORIZON;
 use crate::sampling::{Dimensions, Sampler};
-use crate::scene::Bsdf;
+use crate::scene::BsdfKind;
 use dielectric::Dielectric;
 use metal::Metal;
 use phong::Phong;
@@ -51,9 +51,11 @@ fn formulas<'a>(
     incoming: &'a Vec3,
 ) -> Box<dyn TensorBsdf + 'a> {
     match model.kind.bsdf {
-        Bsdf::Phong => Box::new(Phong { points, incoming }),
-        Bsdf::MetallicRoughness | Bsdf::Conductor => Box::new(Metal::new(points, model, incoming)),
-        Bsdf::Dielectric => Box::new(Dielectric::new(points, model, incoming)),
+        BsdfKind::Phong => Box::new(Phong { points, incoming }),
+        BsdfKind::MetallicRoughness | BsdfKind::Conductor => {
+            Box::new(Metal::new(points, model, incoming))
+        }
+        BsdfKind::Dielectric => Box::new(Dielectric::new(points, model, incoming)),
     }
 }
 

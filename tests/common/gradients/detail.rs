@@ -4,6 +4,7 @@ use burn::tensor::{DType, Device, Tensor};
 use softray::prelude::*;
 
 use super::{Case, camera, case, change, constant, shift};
+use crate::common::materials::base;
 
 /// The scene with colours at the corners of the floor and the ball; those of one corner and vertex are a number.
 fn coloured(p: Tensor<1>, device: &Device, dtype: DType) -> Scene {
@@ -42,7 +43,8 @@ fn bumpy(texels: Tensor<3>, f: impl Fn(Mesh) -> Mesh, device: &Device, dtype: DT
 /// The scene with a gloss on the floor, in the light of the lamp.
 fn shiny(scene: Scene) -> Scene {
     let gloss = |mut o: Object| {
-        o.materials[0] = o.materials[0].clone().specular([0.4; 3], 8.0);
+        let matt = base(&o.materials[0]).clone();
+        o.materials[0].bsdf = Material::phong(matt, [0.4; 3], 8.0).bsdf;
         o
     };
     let scene = scene.map_object("floor", gloss).expect("a floor");
@@ -60,7 +62,7 @@ pub fn cases() -> Vec<Case> {
             let texels = normals_of_map(d, t) + one * p.reshape([1, 1, 1]);
             // White, in the light of the lamp alone.
             let white = |mut o: Object| {
-                o.materials[0].diffuse = [0.9; 3].into();
+                o.materials[0].bsdf = Material::diffuse([0.9; 3]).bsdf;
                 o
             };
             let scene = bumpy(texels, |m| m, d, t).map_object("floor", white);

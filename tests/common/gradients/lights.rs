@@ -95,7 +95,7 @@ fn patchwork(p: Tensor<1>, device: &Device, dtype: DType) -> Material {
     let base = [4.0, 3.0, 2.0, 0.0, 0.0, 0.0, 0.5, 1.0, 4.0, 1.0, 6.0, 2.0];
     let one = [0.0, 0.0, 0.0, 1.0, 0.9, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     let [base, one] = [base, one].map(|v| constant(&v, [2, 2, 3], device, dtype));
-    Material::emitter(Albedo::texture(base + one * p.reshape([1, 1, 1])))
+    Material::emitter(ColorTexture::texture(base + one * p.reshape([1, 1, 1])))
 }
 
 /// The lamp of a scene with such texels, whose coordinates move by a number.

@@ -199,20 +199,23 @@ impl World {
             let vertices = rows(&t.vertices);
             let vertices = leaves.make(name("vertices"), vertices, [t.vertices.len(), 3]);
             let mut mesh = Mesh::new(vertices, t.faces.clone());
-            let mut material = match &t.texture {
+            let diffuse: ColorTexture = match &t.texture {
                 Some(([h, w], texels, uvs)) => {
                     let flat = uvs.iter().flatten().copied().collect();
                     mesh = mesh.with_uvs(leaves.make(name("uvs"), flat, [uvs.len(), 2]));
                     let texels = leaves.make(name("texels"), texels.clone(), [*h, *w, 3]);
-                    Material::diffuse(Albedo::texture(texels))
+                    ColorTexture::texture(texels)
                 }
-                None => Material::diffuse(leaves.make(name("diffuse"), t.diffuse.to_vec(), [3])),
+                None => leaves.make(name("diffuse"), t.diffuse.to_vec(), [3]).into(),
             };
-            if let Some((specular, shininess)) = t.gloss {
-                let specular = leaves.make(name("specular"), specular.to_vec(), [3]);
-                let shininess = leaves.make(name("shininess"), vec![shininess], [1]);
-                material = material.specular(specular, shininess);
-            }
+            let mut material = match t.gloss {
+                Some((specular, shininess)) => {
+                    let specular = leaves.make(name("specular"), specular.to_vec(), [3]);
+                    let shininess = leaves.make(name("shininess"), vec![shininess], [1]);
+                    Material::phong(diffuse, specular, shininess)
+                }
+                None => Material::diffuse(diffuse),
+            };
             if let Some(emission) = t.emission {
                 let emission = leaves.make(name("emission"), emission.to_vec(), [3]);
                 material = material.emission(emission);

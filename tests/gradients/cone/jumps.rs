@@ -58,14 +58,14 @@ pub fn scene(name: &str, point: &Point) -> softray::Result<(Scene, Camera)> {
     let sphere = || shapes::icosphere(1, d).cast(dtype);
     let scaled = |mesh: Mesh| placed(mesh.scaled(tensor(&[0.5], [1], d, dtype)));
     let ball = || Object::new(scaled(sphere()));
-    let gloss = Material::diffuse([0.2, 0.3, 0.4]).specular([0.5; 3], 30.0);
+    let gloss = Material::phong([0.2, 0.3, 0.4], [0.5; 3], 30.0);
     let quad = || placed(facing_front([-0.6, 0.6], [-0.5, 0.5], 0.0, d).cast(dtype));
     let red = || diffuse(quad(), [0.8, 0.2, 0.2]);
     let green = || diffuse(slope(d).cast(dtype), [0.2, 0.8, 0.2]);
 
     let [floor, light] = floor_and_light(d).map(|mesh| mesh.cast(dtype));
     let ground = match name {
-        "mirror" => Material::diffuse([0.1; 3]).specular([0.8; 3], 200.0),
+        "mirror" => Material::phong([0.1; 3], [0.8; 3], 200.0),
         _ => Material::default(),
     };
     let open = Scene::new().with(Object::new(floor).material(ground));
@@ -137,7 +137,7 @@ fn map(point: &Point) -> Environment {
 fn seam(quad: Mesh, point: &Point) -> Object {
     let texels = [0.8, 0.1, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1, 0.8, 0.7, 0.7, 0.2];
     let texels = tensor(&texels, [2, 2, 3], &point.device, point.dtype);
-    let mut object = Object::new(quad).material(Material::diffuse(Albedo::texture(texels)));
+    let mut object = Object::new(quad).material(Material::diffuse(ColorTexture::texture(texels)));
     object.materials.push(Material::diffuse([0.1, 0.6, 0.9]));
     object.face_materials = vec![0, 1].into();
     object

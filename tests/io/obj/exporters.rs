@@ -3,6 +3,7 @@
 use super::{SQUARE, strict, vertices};
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
+use crate::common::materials::{base, specular};
 use crate::written::constant;
 use softray::prelude::*;
 
@@ -11,7 +12,7 @@ use softray::prelude::*;
 fn what_is_not_there_is_left_out() {
     let folder = Folder::new("missing");
     let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
-    let grey = constant(&Material::default().diffuse);
+    let grey = constant(base(&Material::default()));
     let first = |text: &str| {
         assert!(strict(&folder, text).is_err(), "{text}");
         let scene = folder.load(text).expect("a scene");
@@ -24,7 +25,7 @@ fn what_is_not_there_is_left_out() {
         "mtllib none.mtl\n{triangle}usemtl a\nf 1/1 2/1 3/1\n"
     ));
     assert_eq!(
-        (material.name.as_str(), constant(&material.diffuse)),
+        (material.name.as_str(), constant(base(&material))),
         ("a", grey)
     );
 
@@ -40,7 +41,7 @@ fn what_is_not_there_is_left_out() {
     ] {
         folder.write("m.mtl", mtl);
         let (_, material) = first(&textured);
-        assert_eq!(constant(&material.diffuse), expected, "{mtl}");
+        assert_eq!(constant(base(&material)), expected, "{mtl}");
     }
     // Corners that name what the file has not, and lines that are no faces.
     for faces in [
@@ -91,7 +92,7 @@ fn gloss_beside_a_colour() {
         folder.write("m.mtl", format!("{blender}{rest}"));
         let text = format!("mtllib m.mtl\n{SQUARE}vt 0 0\nusemtl m\nf 1/1 2/1 3/1\n");
         let scene = folder.load(text).expect("a scene");
-        let found = constant(&scene.objects[0].materials[0].specular);
+        let found = constant(specular(&scene.objects[0].materials[0]));
         let close = found.iter().all(|v| (v - expected).abs() < 1e-6);
         assert!(close, "{rest}: {found:?}, expected {expected}");
     }
@@ -105,7 +106,7 @@ fn gloss_beside_a_colour() {
     );
     let text = format!("mtllib m.mtl\n{SQUARE}vt 0 0\nusemtl m\nf 1/1 2/1 3/1\n");
     let scene = folder.load(text).expect("a scene");
-    let Albedo::Texture { texels, .. } = &scene.objects[0].materials[0].specular else {
+    let ColorTexture::Texture { texels, .. } = specular(&scene.objects[0].materials[0]) else {
         panic!("no texture");
     };
     let found = HostImage::from_tensor(texels).expect("values").pixels;
@@ -156,7 +157,7 @@ fn colours_of_vertices() {
             _ => assert_eq!(found.is_some(), expected.is_some(), "{}", object.name),
         }
         // What has no material shows the colours as they are.
-        assert_eq!(constant(&object.materials[0].diffuse), [1.0; 3]);
+        assert_eq!(constant(base(&object.materials[0])), [1.0; 3]);
     }
     assert_eq!(vertices(&scene.objects[0])[1], [1.0, 0.0, 0.0]);
 
@@ -195,7 +196,7 @@ fn several_files_of_materials() {
     );
     let scene = strict(&folder, &text).expect("a scene");
     let materials = scene.objects[0].materials.iter();
-    let found: Vec<_> = materials.map(|m| constant(&m.diffuse)).collect();
+    let found: Vec<_> = materials.map(|m| constant(base(m))).collect();
     assert_eq!(found, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
 }
 
@@ -209,7 +210,7 @@ fn bmp_and_tga_textures() {
         folder.write("m.mtl", format!("newmtl m\nmap_Kd {name}\n"));
         let text = format!("mtllib m.mtl\n{SQUARE}vt 0 0\nusemtl m\nf 1/1 2/1 3/1\n");
         let scene = strict(&folder, &text).expect("a scene");
-        let Albedo::Texture { texels, .. } = &scene.objects[0].materials[0].diffuse else {
+        let ColorTexture::Texture { texels, .. } = base(&scene.objects[0].materials[0]) else {
             panic!("no texture");
         };
         let found = HostImage::from_tensor(texels).expect("values").pixels;

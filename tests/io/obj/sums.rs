@@ -3,6 +3,7 @@
 use super::SQUARE;
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
+use crate::common::materials::base;
 use crate::written::constant;
 use softray::prelude::*;
 
@@ -87,7 +88,7 @@ fn thousands_of_materials() {
     let scene = scene.expect("a scene").environment([1.0; 3]);
     let object = &scene.objects[0];
     assert_eq!(object.materials.len(), count);
-    assert_eq!(constant(&object.materials[7].diffuse), [0.25, 0.5, 1.0]);
+    assert_eq!(constant(base(&object.materials[7])), [0.25, 0.5, 1.0]);
     let camera = Camera::look_at([0.3, 0.3, 4.0], [0.3, 0.3, 0.0]);
     let options = RenderOptions::new(2, 2).samples(1).bounces(0);
     let begin = std::time::Instant::now();

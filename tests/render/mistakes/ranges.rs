@@ -22,7 +22,7 @@ fn constants_out_of_their_ranges() {
         (
             "shininess",
             ["[0, 1000000]", "1000000000000000000000000000000"],
-            Material::diffuse([0.1; 3]).specular([0.2; 3], huge),
+            Material::phong([0.1; 3], [0.2; 3], huge),
         ),
         ("metallic", ["[0, 1]", "1000000"], metal(huge, 0.5)),
         ("roughness", ["[0, 1]", "1000000"], metal(0.5, huge)),
@@ -111,7 +111,7 @@ fn what_is_huge_is_an_error_or_finite() {
     let uvs = |v: f32| {
         let texels = Tensor::<3>::full([2, 2, 3], 0.5, &flex());
         let mesh = |m: Mesh| m.with_uvs(Tensor::<2>::full([12, 2], v, &flex()));
-        let of = Material::diffuse(Albedo::texture(texels));
+        let of = Material::diffuse(ColorTexture::texture(texels));
         ball().map_mesh(mesh).material(of)
     };
     let normals = |v: f32| ball().map_mesh(|m| m.with_normals(Tensor::full([12, 3], v, &flex())));

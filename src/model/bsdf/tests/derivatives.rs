@@ -4,7 +4,7 @@ use super::*;
 
 type Number = (fn(&mut Shading) -> &mut f32, fn(&ShadingGradient) -> f32);
 
-/// Numbers that a shaded point is made of, with the derivatives by them.
+/// Fields of a shading point, with the derivatives with respect to them.
 const NUMBERS: [Number; 13] = [
     (|s| &mut s.normal.x, |g| g.normal.x),
     (|s| &mut s.normal.y, |g| g.normal.y),
@@ -21,7 +21,7 @@ const NUMBERS: [Number; 13] = [
     (|s| &mut s.specular.x, |g| g.specular.x),
 ];
 
-/// Compares a gradient with central differences of a value in [`NUMBERS`], where `matters` says so.
+/// Compares a gradient with central differences of a value in those [`NUMBERS`] for which `matters` is true.
 fn compare(
     s: &Shading,
     found: &ShadingGradient,
@@ -40,7 +40,7 @@ fn compare(
     }
 }
 
-/// f·cos θ by all that it is made of and by the direction, on both sides of where the horizon matters.
+/// Derivatives of f·cos θ with respect to all fields and the direction, on both sides of where the horizon limits it.
 #[test]
 fn derivatives_of_the_value() {
     let g = v3(0.7, -0.4, 0.9);
@@ -67,7 +67,7 @@ fn derivatives_of_the_value() {
     }
 }
 
-/// A drawn direction and its weight, at fixed random numbers and a fixed share of the lobes.
+/// Derivatives of a sampled direction and its weight, at fixed random numbers and fixed lobe probabilities.
 #[test]
 fn derivatives_of_samples() {
     let (g, by_direction) = (v3(0.7, -0.4, 0.9), v3(0.2, 0.8, -0.5));
@@ -79,8 +79,8 @@ fn derivatives_of_samples() {
             let (u, v) = (0.4, 0.3);
             let drawn = s.sample(u, v, lobe);
             assert!(!drawn.weight.is_zero(), "{s:?}");
-            // The derivative is that of f·cos θ over the density, in which the choice of the lobe stays: its share,
-            // or the part of light that goes this way at the facet that was drawn.
+            // The derivative is that of f·cos θ over the density, with the choice of the lobe fixed: its probability,
+            // or the fraction of light that goes this way at the sampled facet.
             let part = |s: &Shading, d: &Scatter| {
                 let f = s.facets_about(s.normal);
                 let reflected =
@@ -111,7 +111,7 @@ fn derivatives_of_samples() {
             };
             let mut found = ShadingGradient::default();
             s.sample_backward(&drawn, g, by_direction, &mut found);
-            // Colours change the share of gloss, but for those of a matt surface.
+            // Colors change the probability of the specular lobe, except on a diffuse surface.
             let colour = |i: usize| (8..11).contains(&i) || i == 12;
             let matters = |i: usize| match (s.models.has_others(), s.glossy) {
                 (true, _) => true,
@@ -123,7 +123,7 @@ fn derivatives_of_samples() {
     }
 }
 
-/// A direction has the derivative of the one that was drawn as it.
+/// A given direction has the same derivative as a sampled direction equal to it.
 #[test]
 fn directions_as_if_drawn() {
     for s in surfaces().into_iter().filter(|s| s.glossy) {

@@ -1,11 +1,11 @@
-//! All of the light that surfaces scatter, under an even light.
+//! Furnace tests: albedos under uniform light.
 
 use super::*;
 
 const ROUGHNESSES: [f32; 6] = [0.0, 0.1, 0.25, 0.5, 0.75, 1.0];
 const DEGREES: [f32; 5] = [0.0, 30.0, 60.0, 75.0, 85.0];
 
-/// A white surface seen at an angle.
+/// A white surface seen at an angle to its normal.
 fn white(model: u32, specular: f32, roughness: f32, degrees: f32) -> Shading {
     let angle = degrees.to_radians();
     Shading {
@@ -23,7 +23,7 @@ fn white(model: u32, specular: f32, roughness: f32, degrees: f32) -> Shading {
     }
 }
 
-/// The share of light that is scattered; radiance below an interface is more by the square of an index.
+/// The fraction of light that is scattered. `below` is the factor of refracted radiance: the square of an index.
 fn albedo(s: &Shading, below: f64) -> f64 {
     let n = 1 << 14;
     let light = |[u, v, lobe]: [f32; 3]| {
@@ -37,7 +37,7 @@ fn albedo(s: &Shading, below: f64) -> f64 {
     numbers(n).map(light).sum::<f64>() / f64::from(n)
 }
 
-/// Prints the albedos by roughness and angle of a model, and asserts that they lie in a range.
+/// Prints the albedos of a model by roughness and angle, and asserts that they lie in a range.
 fn table(name: &str, least: f64, of: impl Fn(f32, f32) -> f64) {
     println!("{name}: roughness, and albedos at {DEGREES:?}°");
     for roughness in ROUGHNESSES {
@@ -50,7 +50,7 @@ fn table(name: &str, least: f64, of: impl Fn(f32, f32) -> f64) {
     }
 }
 
-/// White facets and a white base under them scatter all light but for 3 %, whatever the share of metal.
+/// White facets and a white base scatter all light except for 3 %, for any metallic parameter.
 #[test]
 fn metal_and_paint() {
     for metallic in [0.0, 0.25, 0.5, 0.75, 1.0] {
@@ -68,8 +68,8 @@ fn metal_and_paint() {
     });
 }
 
-/// Glass scatters all light but for 3 %, from outside and from inside; but for 6 % from inside of an index under 1.35,
-/// whose critical angle is near the horizon.
+/// Glass scatters all light except for 3 %, from outside and inside. From inside of an index below 1.35, whose
+/// critical angle is near the horizon, the limit is 6 %.
 #[test]
 fn glass() {
     for (ior, faint) in [
@@ -94,7 +94,7 @@ fn glass() {
     }
 }
 
-/// Without what is given back rough metal and rough glass lose light, smooth ones do not.
+/// Without compensation rough metal and rough glass lose light; smooth ones do not.
 #[test]
 fn what_is_lost_between_facets() {
     for (model, specular) in [(METALLIC, 1.0), (DIELECTRIC, 1.5)] {
@@ -109,7 +109,7 @@ fn what_is_lost_between_facets() {
     }
 }
 
-/// Near the horizon light may be lost; at most 3 % are made.
+/// Near the horizon light may be lost; at most 3 % are gained.
 #[test]
 fn near_the_horizon() {
     for (model, specular, inside) in [
@@ -139,7 +139,7 @@ fn near_the_horizon() {
     }
 }
 
-/// A Phong surface with k_d + k_s = 1 makes no energy; its lobe is cut off at the horizon.
+/// A Phong surface with k_d + k_s = 1 gains no energy; its lobe is cut off at the horizon.
 #[test]
 fn phong() {
     for exponent in [1.0, 10.0, 100.0] {

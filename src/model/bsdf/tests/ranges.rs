@@ -1,8 +1,8 @@
-//! Parameters outside of their ranges.
+//! Parameters outside their ranges.
 
 use super::*;
 
-/// A shading, one of its parameters, and what that counts as.
+/// Shadings with one parameter out of range, each with its clamped equivalent.
 fn outside() -> Vec<(Shading, Shading)> {
     let of = |model: u32| {
         let mut all = of_facets().into_iter();
@@ -42,7 +42,7 @@ fn outside() -> Vec<(Shading, Shading)> {
     all
 }
 
-/// A value outside counts as the nearest one inside, and has no derivative; the others have theirs.
+/// A value out of range acts as the nearest value inside and has no derivative; the other parameters keep theirs.
 #[test]
 fn values_outside_of_their_ranges_have_no_derivative() {
     let by_direction = v3(0.2, 0.8, -0.5);
@@ -80,7 +80,7 @@ fn values_outside_of_their_ranges_have_no_derivative() {
     }
 }
 
-/// An ideal mirror, whose η is 0, has derivatives that are numbers of a moderate size.
+/// An ideal mirror, whose η is 0, has finite derivatives of moderate size.
 #[test]
 fn metal_without_a_real_index() {
     for s in of_facets().into_iter().filter(|s| s.model == CONDUCTOR) {

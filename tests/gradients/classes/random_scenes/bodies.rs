@@ -28,7 +28,7 @@ impl Maker<'_> {
                 let specular = self.colour(&named("specular"), 0.1, 0.4);
                 let value = self.between(3.0, 30.0);
                 let shininess = self.number(&named("shininess"), value, 0.05 * value, false);
-                Material::diffuse(albedo).specular(specular, shininess)
+                Material::phong(albedo, specular, shininess)
             }
             3 => {
                 let base = self.albedo(&named("base colour"));

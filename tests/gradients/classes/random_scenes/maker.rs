@@ -189,9 +189,9 @@ impl<'a> Maker<'a> {
         low + one * p.reshape([1, 1, 1])
     }
 
-    pub fn albedo(&mut self, name: &str) -> Albedo {
+    pub fn albedo(&mut self, name: &str) -> ColorTexture {
         match self.pick(3) {
-            0 => Albedo::texture(self.texels(name, 0.15, 0.6)),
+            0 => ColorTexture::texture(self.texels(name, 0.15, 0.6)),
             _ => self.colour(name, 0.2, 0.8).into(),
         }
     }
@@ -246,7 +246,7 @@ impl<'a> Maker<'a> {
                 };
                 let place = self.along("lamp: translation", place, 0.05, true);
                 let radiance = match self.pick(3) {
-                    0 => Albedo::texture(self.texels("lamp: emission", 2.0, 8.0)),
+                    0 => ColorTexture::texture(self.texels("lamp: emission", 2.0, 8.0)),
                     _ => self.colour("lamp: emission", 3.0, 8.0).into(),
                 };
                 self.description

@@ -26,9 +26,9 @@ impl Value<'_> {
     }
 }
 
-/// An albedo, or the radiance of an emitter: a constant RGB, or a texture.
+/// A color over a surface, such as an albedo or the radiance of an emitter: a constant RGB, or a texture.
 #[derive(Clone)]
-pub enum Albedo {
+pub enum ColorTexture {
     /// RGB.
     Constant(Parameter<3>),
     /// `[H, W, 3]`, row 0 at the top (v = 1), looked up bilinearly; texel centres at half-integers.
@@ -40,13 +40,13 @@ pub enum Albedo {
     },
 }
 
-impl<P: Into<Parameter<3>>> From<P> for Albedo {
+impl<P: Into<Parameter<3>>> From<P> for ColorTexture {
     fn from(p: P) -> Self {
         Self::Constant(p.into())
     }
 }
 
-impl Albedo {
+impl ColorTexture {
     /// A texture `[H, W, 3]` that repeats.
     pub fn texture(texels: Tensor<3>) -> Self {
         Self::Texture {
@@ -66,6 +66,16 @@ impl Albedo {
             Self::Constant(p) => p.shines(),
             Self::Texture { texels, .. } => any_positive(texels),
         }
+    }
+
+    /// Replaces a texture by its mean. Returns whether it was one.
+    pub(super) fn take_mean(&mut self) -> bool {
+        let Self::Texture { texels, .. } = self else {
+            return false;
+        };
+        let mean: Tensor<1> = texels.clone().mean_dim(0).mean_dim(1).reshape([3]);
+        *self = mean.into();
+        true
     }
 
     pub(super) fn value(&mut self) -> Value<'_> {
@@ -111,6 +121,15 @@ impl ScalarTexture {
             texels,
             wrap: Wrap::Repeat,
         }
+    }
+
+    /// Replaces a texture by its mean. Returns whether it was one.
+    pub(super) fn take_mean(&mut self) -> bool {
+        let Self::Texture { texels, .. } = self else {
+            return false;
+        };
+        *self = texels.clone().mean().into();
+        true
     }
 
     pub(super) fn value(&mut self) -> Value<'_> {

@@ -1,0 +1,261 @@
+//! BSDFs with their parameters, and what constants of these may be.
+
+use super::parameter::{Parameter, Range};
+use super::texture::{ColorTexture, ScalarTexture, Value};
+
+/// The largest constant exponent of a Phong lobe, which is then a tenth of a degree wide: f32 resolves little less.
+const MOST_SHININESS: f64 = 1e6;
+/// The largest η and k of a conductor: the fourth powers of larger ones come near what f32 holds.
+pub(crate) const MOST_OF_METAL: f64 = 1e4;
+/// The least and the largest index of refraction of a dielectric.
+pub(crate) const LEAST_IOR: f64 = 0.1;
+pub(crate) const MOST_IOR: f64 = 10.0;
+/// Indices of refraction that are nearer to 1 count as this far from it: without a difference nothing is refracted.
+pub(crate) const LEAST_CONTRAST: f64 = 1e-3;
+
+/// How a surface scatters light: a model with its parameters.
+#[derive(Clone)]
+#[non_exhaustive]
+pub enum Bsdf {
+    /// Lambert plus normalized Phong: f = k_d/π + k_s (n + 2)/(2π) cosⁿα ([`Material::diffuse`], [`Material::phong`]).
+    Phong {
+        /// k_d.
+        diffuse: ColorTexture,
+        /// k_s.
+        specular: ColorTexture,
+        /// The exponent n ≥ 0; a constant is at most 10⁶.
+        shininess: Parameter<1>,
+    },
+    /// The model of glTF 2.0 ([`Material::metallic_roughness`]).
+    MetallicRoughness {
+        /// The reflectance of the metal along the normal, and the albedo of the matt base.
+        base_color: ColorTexture,
+        /// The share of metal in [0, 1].
+        metallic: ScalarTexture,
+        /// The roughness in [0, 1]: α = roughness², at least 0.001.
+        roughness: ScalarTexture,
+        /// Whether light that scatters several times between microfacets is added.
+        compensated: bool,
+    },
+    /// A metal ([`Material::conductor`]).
+    Conductor {
+        /// The real part η of the complex index of refraction, RGB.
+        eta: Parameter<3>,
+        /// The imaginary part k of the complex index of refraction, RGB.
+        extinction: Parameter<3>,
+        /// The roughness in [0, 1]: α = roughness², at least 0.001.
+        roughness: ScalarTexture,
+        /// Whether light that scatters several times between microfacets is added.
+        compensated: bool,
+    },
+    /// Clear matter that reflects and refracts ([`Material::dielectric`]).
+    Dielectric {
+        /// A factor of the light that is reflected and refracted.
+        tint: ColorTexture,
+        /// The index of refraction inside over that outside.
+        ior: ScalarTexture,
+        /// The roughness in [0, 1]: α = roughness², at least 0.001.
+        roughness: ScalarTexture,
+        /// Whether light that scatters several times between microfacets is added.
+        compensated: bool,
+    },
+}
+
+impl Bsdf {
+    pub(crate) fn kind(&self) -> BsdfKind {
+        match self {
+            Self::Phong { .. } => BsdfKind::Phong,
+            Self::MetallicRoughness { .. } => BsdfKind::MetallicRoughness,
+            Self::Conductor { .. } => BsdfKind::Conductor,
+            Self::Dielectric { .. } => BsdfKind::Dielectric,
+        }
+    }
+
+    /// The albedo of Lambert's part, a base color or a tint; `None` for a conductor.
+    pub(crate) fn base(&self) -> Option<&ColorTexture> {
+        match self {
+            Self::Phong { diffuse: base, .. }
+            | Self::MetallicRoughness {
+                base_color: base, ..
+            }
+            | Self::Dielectric { tint: base, .. } => Some(base),
+            Self::Conductor { .. } => None,
+        }
+    }
+
+    /// The albedo of Phong's lobe and its exponent, where it may be other than 0.
+    pub(crate) fn lobe(&self) -> Option<(&ColorTexture, &Parameter<1>)> {
+        match self {
+            Self::Phong {
+                specular,
+                shininess,
+                ..
+            } if specular.reflects() => Some((specular, shininess)),
+            _ => None,
+        }
+    }
+
+    /// Whether multiple scattering between microfacets is added.
+    pub(crate) fn is_compensated(&self) -> bool {
+        match self {
+            Self::Phong { .. } => false,
+            Self::MetallicRoughness { compensated, .. }
+            | Self::Conductor { compensated, .. }
+            | Self::Dielectric { compensated, .. } => *compensated,
+        }
+    }
+
+    /// Its parameters that may be textures: colors and numbers.
+    pub(super) fn textures(&mut self) -> (Vec<&mut ColorTexture>, Vec<&mut ScalarTexture>) {
+        match self {
+            Self::Phong {
+                diffuse, specular, ..
+            } => (vec![diffuse, specular], vec![]),
+            Self::MetallicRoughness {
+                base_color,
+                metallic,
+                roughness,
+                ..
+            } => (vec![base_color], vec![metallic, roughness]),
+            Self::Conductor { roughness, .. } => (vec![], vec![roughness]),
+            Self::Dielectric {
+                tint,
+                ior,
+                roughness,
+                ..
+            } => (vec![tint], vec![ior, roughness]),
+        }
+    }
+
+    /// Its parameters in the order of their places ([`Channel::place`]).
+    pub(super) fn channels(&mut self) -> [(Channel, Value<'_>); 3] {
+        match self {
+            Self::Phong {
+                diffuse,
+                specular,
+                shininess,
+            } => [
+                (Channel::Diffuse, diffuse.value()),
+                (Channel::Specular, specular.value()),
+                (Channel::Shininess, Value::Scalar(shininess)),
+            ],
+            Self::MetallicRoughness {
+                base_color,
+                metallic,
+                roughness,
+                ..
+            } => [
+                (Channel::BaseColor, base_color.value()),
+                (Channel::Metallic, metallic.value()),
+                (Channel::Roughness, roughness.value()),
+            ],
+            Self::Conductor {
+                eta,
+                extinction,
+                roughness,
+                ..
+            } => [
+                (Channel::Eta, Value::Colour(eta)),
+                (Channel::Extinction, Value::Colour(extinction)),
+                (Channel::Roughness, roughness.value()),
+            ],
+            Self::Dielectric {
+                tint,
+                ior,
+                roughness,
+                ..
+            } => [
+                (Channel::Tint, tint.value()),
+                (Channel::Ior, ior.value()),
+                (Channel::Roughness, roughness.value()),
+            ],
+        }
+    }
+}
+
+/// The model of a BSDF.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(crate) enum BsdfKind {
+    #[default]
+    Phong,
+    MetallicRoughness,
+    Conductor,
+    Dielectric,
+}
+
+impl BsdfKind {
+    /// Whether colors of a mesh multiply its base color.
+    pub fn is_tinted(self) -> bool {
+        matches!(self, Self::Phong | Self::MetallicRoughness)
+    }
+
+    /// Whether light passes the surface.
+    pub const fn refracts(self) -> bool {
+        matches!(self, Self::Dielectric)
+    }
+}
+
+/// A parameter of a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Channel {
+    Diffuse,
+    BaseColor,
+    Tint,
+    Specular,
+    Shininess,
+    Metallic,
+    Roughness,
+    Eta,
+    Extinction,
+    Ior,
+    Emission,
+}
+
+/// The number of places for parameters of a material: two colours and a number of its BSDF, and its emission.
+pub(crate) const CHANNELS: usize = Channel::Emission.place() + 1;
+
+impl Channel {
+    /// The place of its numbers among those of a material: parameters of different BSDFs share one.
+    pub const fn place(self) -> usize {
+        match self {
+            Self::Diffuse | Self::BaseColor | Self::Tint | Self::Eta => 0,
+            Self::Specular | Self::Metallic | Self::Extinction | Self::Ior => 1,
+            Self::Shininess | Self::Roughness => 2,
+            Self::Emission => 3,
+        }
+    }
+
+    /// The name in messages and the range of its values. Tensors of a fit may wander out of a share for a step.
+    pub fn row(self) -> (&'static str, Range) {
+        match self {
+            Self::Diffuse => ("diffuse", Range::Finite),
+            Self::BaseColor => ("base_color", Range::Finite),
+            Self::Tint => ("tint", Range::Finite),
+            Self::Specular => ("specular", Range::Finite),
+            Self::Shininess => ("shininess", Range::NotNegative),
+            Self::Metallic => ("metallic", Range::Finite),
+            Self::Roughness => ("roughness", Range::Finite),
+            Self::Eta => ("eta", Range::Finite),
+            Self::Extinction => ("extinction", Range::Finite),
+            Self::Ior => ("ior", Range::Positive),
+            Self::Emission => ("emission", Range::Light),
+        }
+    }
+
+    /// The range of constants of BSDFs other than Phong's, and of an exponent.
+    pub(super) fn constants(self) -> Range {
+        match self {
+            Self::BaseColor | Self::Tint | Self::Metallic | Self::Roughness => Range::Share,
+            Self::Diffuse | Self::Specular => Range::NotNegative,
+            Self::Shininess => Range::Within(0.0, MOST_SHININESS),
+            Self::Eta | Self::Extinction => Range::Within(0.0, MOST_OF_METAL),
+            Self::Ior => Range::Within(LEAST_IOR, MOST_IOR),
+            Self::Emission => Range::Light,
+        }
+    }
+
+    /// Whether the directions drawn from the BSDF of a glossy surface depend on it.
+    pub fn turns(self) -> bool {
+        matches!(self, Self::Shininess | Self::Roughness | Self::Ior)
+    }
+}
