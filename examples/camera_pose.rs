@@ -1,4 +1,4 @@
-//! Where the camera stands and where it looks, from one image.
+//! Recovers the position of the camera and the point it looks at from one image.
 
 pub(crate) mod common;
 
@@ -12,9 +12,9 @@ use common::study::{Arguments, Failure, Outcome, Problem, Study, distance, numbe
 
 #[derive(Module, Debug)]
 pub(crate) struct Pose {
-    /// Scene units.
+    /// The position, in scene units.
     eye: Param<Tensor<1>>,
-    /// The point looked at, scene units.
+    /// The point that the camera looks at, in scene units.
     target: Param<Tensor<1>>,
 }
 
@@ -23,7 +23,7 @@ const TARGET: [f64; 3] = [0.0, 0.5, 0.0];
 const START_EYE: [f64; 3] = [2.0, 1.1, 4.5];
 const START_TARGET: [f64; 3] = [0.3, 0.75, 0.0];
 
-/// Blocks of several colours on a floor.
+/// Blocks of several colors on a floor.
 fn scene(device: &Device) -> Scene {
     let block = |size: [f64; 3], place: [f64; 3], degrees: f64, colour: [f64; 3]| {
         let pose = Transform::new()
@@ -66,8 +66,7 @@ fn scene(device: &Device) -> Scene {
         .environment([0.9, 0.95, 1.0])
 }
 
-/// The point looked at, as far away as the target: what is nearer or further on the same line is the
-/// same to a camera.
+/// Returns the point on the view axis at the distance of the target. All points on this axis give the same camera.
 fn aim(pose: &Pose) -> Vec<f64> {
     let [eye, target] = [&pose.eye, &pose.target].map(|p| {
         let p = numbers(&p.val());
@@ -83,7 +82,7 @@ fn ball(device: &Device) -> Mesh {
         .translated(Tensor::from_floats([-0.5, 0.3, 0.9], device))
 }
 
-/// The scene, and the image of it that is to be met.
+/// The scene and its target image.
 pub(crate) struct Posed {
     size: usize,
     device: Device,
@@ -168,7 +167,7 @@ impl Problem for Posed {
     }
 }
 
-/// Of eye and target together from the target's.
+/// Returns the distance of eye and target together from the true ones.
 fn far(both: &[f64]) -> f64 {
     distance(both, &[EYE, TARGET].concat())
 }

@@ -1,4 +1,4 @@
-//! Renders the Cornell box, then turns its short block away and recovers the angle from the image.
+//! Renders the Cornell box, then rotates its short block and recovers the angle from the image.
 
 mod common;
 
@@ -14,31 +14,31 @@ use softray::prelude::*;
 /// Renders the Cornell box with global illumination, then fits the rotation of its short block.
 #[derive(Parser)]
 struct Arguments {
-    /// Width and height of the image; a multiple of 64 is compared with the reference.
+    /// Width and height of the image. A multiple of 64 is compared with the reference.
     #[arg(long, default_value_t = 256)]
     size: usize,
-    /// Paths a pixel.
+    /// Paths per pixel.
     #[arg(long, default_value_t = 64)]
     spp: u32,
-    /// Bounces after the surface that the camera sees.
+    /// Bounces after the first surface.
     #[arg(long, default_value_t = 3)]
     bounces: u32,
-    /// Half-angle of the cones, radians.
+    /// Half-angle of the ray cones in radians.
     #[arg(long, default_value_t = 0.0)]
     angle: f64,
-    /// The same in the fit.
+    /// Half-angle of the ray cones in the fit, in radians.
     #[arg(long, default_value_t = 0.03)]
     fit_angle: f64,
-    /// Steps of the fit.
+    /// Number of steps of the fit.
     #[arg(long, default_value_t = 170)]
     steps: usize,
-    /// Degrees that the block is turned away at the start of the fit.
+    /// Rotation of the block at the start of the fit, in degrees.
     #[arg(long, default_value_t = 10.0)]
     degrees: f64,
-    /// Seed of the fit's noise.
+    /// Random seed of the fit.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// flex, ndarray, wgpu or vulkan; without it what BURN_DEVICE names, or flex.
+    /// Device: flex, ndarray, wgpu or vulkan. Default: the value of BURN_DEVICE, or flex.
     #[arg(long)]
     device: Option<String>,
     /// Folder for the pictures.
@@ -91,7 +91,7 @@ fn picture(arguments: &Arguments, file: &SceneFile, data: &Path) -> Result<(), B
     Ok(())
 }
 
-/// A square image averaged over blocks to a smaller width, where that divides its own.
+/// Averages a square image over blocks to a smaller width. The result is `None` if that does not divide its width.
 fn shrink(image: &HostImage, width: usize) -> Result<Option<HostImage>, Box<dyn Error>> {
     if !image.width.is_multiple_of(width) {
         return Ok(None);
@@ -109,7 +109,7 @@ fn shrink(image: &HostImage, width: usize) -> Result<Option<HostImage>, Box<dyn 
     Ok(Some(HostImage::new(width, width, pixels)?))
 }
 
-/// The scene with its short block turned about the vertical axis through its centre.
+/// Returns the scene with its short block rotated about the vertical axis through its center.
 fn turned(file: &SceneFile, angle: &Tensor<1>) -> softray::Result<Scene> {
     file.scene.clone().map_object("short", |object| {
         object.map_mesh(|mesh| {
@@ -154,9 +154,9 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
     let mut adam = AdamConfig::new().with_beta_2(0.99).init();
     let bar = common::bar(arguments.steps as u64, "fitting");
     for step in 0..arguments.steps {
-        // Fresh seeds every step: noise averages out over the steps. Two independent images in
-        // the place of a square keep the noise's own variance out of the loss: the gradient of
-        // a·b is a·∇b + b·∇a. Each has a thread and a graph of its own.
+        // Every step has new seeds, so that noise averages out over the steps. The loss is the product of two
+        // independent images instead of a square, so that the variance of the noise does not enter it. The gradient
+        // of a·b is a·∇b + b·∇a. Each image has its own thread and graph.
         let leaves = [0; 2].map(|_| angle.val().inner().autodiff().require_grad());
         let differences = both(|i| {
             let seed = arguments.seed + (2 * step + i) as u64;
@@ -188,7 +188,7 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
         arguments.steps,
         start.elapsed().as_secs_f64()
     );
-    // Shown larger and sharp; the fit saw them blurred.
+    // The pictures are larger and sharp; the fit used blurred ones.
     let before = show(arguments.degrees.to_radians(), &sharp)?;
     let after = show(found, &sharp)?;
     let target_image = show(0.0, &sharp)?;

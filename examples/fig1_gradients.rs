@@ -1,5 +1,5 @@
-//! Figure 1 of the paper: the derivative of each pixel by a horizontal translation of an icosahedron,
-//! and the Cornell box with Russian roulette, with a larger σ, and with a smaller γ.
+//! Figure 1 of the paper: the derivative of each pixel with respect to a horizontal translation of an icosahedron,
+//! and the Cornell box with Russian roulette and three widths of cones.
 
 pub(crate) mod common;
 
@@ -12,15 +12,15 @@ use softray::prelude::*;
 
 use common::study::{Arguments, Failure, numbers, picture};
 
-/// How far the derivative image is from central differences of sharp renders.
+/// The agreement of the derivative image with central differences of renders with more samples.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Agreement {
     pub(crate) correlation: f64,
-    /// Of the derivatives over the differences.
+    /// The slope of the derivatives over the differences.
     pub(crate) slope: f64,
 }
 
-/// An icosahedron over a floor under a square light.
+/// An icosahedron above a floor and below a square light.
 fn scene(offset: Tensor<1>, device: &Device) -> Scene {
     let square = |side: f64, y: f64, down: bool| {
         let z = if down { -side } else { side };
@@ -48,7 +48,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
     let at = |x: f64| scene(Tensor::from_floats([x, 0.0, 0.0], &device), &device);
 
     let image = picture(&at(0.0), &camera, &options.clone().samples(512))?;
-    // A pixel is a render with a backward pass of its own.
+    // Each pixel is a separate render with its own backward pass.
     let derivative = |pixel: u32| -> softray::Result<f64> {
         let offset = Tensor::zeros([3], &device).autodiff().require_grad();
         let scene = scene(offset.clone(), &device);
@@ -66,7 +66,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
         .collect::<softray::Result<Vec<f64>>>()?;
     bar.finish_and_clear();
 
-    // The same by central differences.
+    // The same derivatives by central differences.
     let h = 0.04;
     let fine = options.clone().samples(8 * samples);
     let [left, right] = [-h, h].map(|x| picture(&at(x), &camera, &fine));
@@ -122,7 +122,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
     Ok(agreement)
 }
 
-/// Over blocks of 2 × 2 pixels, since the blur spreads a derivative over its neighbours.
+/// Compares blocks of 2 × 2 pixels, since the blur spreads a derivative over neighboring pixels.
 fn agreement(a: &[f64], b: &[f64]) -> Agreement {
     let size = a.len().isqrt();
     let coarse = |v: &[f64]| -> Vec<f64> {

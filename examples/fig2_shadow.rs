@@ -1,4 +1,4 @@
-//! Figure 2 of the paper: the caster is out of view, and its place is found from its shadow alone.
+//! Figure 2 of the paper: recovers the position of an occluder outside the view from its shadow alone.
 
 pub(crate) mod common;
 
@@ -12,11 +12,11 @@ use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, distance,
 
 #[derive(Module, Debug)]
 pub(crate) struct Caster {
-    /// Offset from the target's place, scene units.
+    /// Offset from the target's position, in scene units.
     offset: Param<Tensor<1>>,
 }
 
-/// Where the fit starts: its shadow lies outside of the image, but for what the widest cones blur into it.
+/// The start of the fit. The shadow lies outside the image, except for the part that the widest cones blur into it.
 const START: [f64; 3] = [2.0, 0.0, 0.0];
 
 pub(crate) struct Shadow {
@@ -61,7 +61,7 @@ impl Problem for Shadow {
     fn evaluate(&self, caster: &Caster, step: &Step) -> softray::Result<Evaluation> {
         let scene = self.scene(caster.offset.val())?;
         let at = numbers(&caster.offset.val());
-        // The shadow is blurred, not the view.
+        // Blurs the shadow, not the view.
         let angle = step.blur.unwrap_or(0.0);
         let visibility = Visibility::Cone { angle, pixels: 0.5 };
         let evaluation = self.goal.compare(&scene, step, Some(visibility), 8)?;

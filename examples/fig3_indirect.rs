@@ -1,5 +1,5 @@
-//! Figure 3 of the paper: the rotation of a white cube from the light that a red and a green wall send
-//! it. No emitter shines on the cube, so that all it shows has bounced; σ falls over the fit.
+//! Figure 3 of the paper: recovers the rotation of a white cube from the light of a red and a green wall.
+//! No emitter shines on the cube, so all its light has bounced. The blur decreases over the fit.
 
 pub(crate) mod common;
 
@@ -13,15 +13,15 @@ use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, numbers};
 
 #[derive(Module, Debug)]
 pub(crate) struct Turn {
-    /// About the vertical axis, away from the target, radians.
+    /// The angle from the target about the vertical axis, in radians.
     angle: Param<Tensor<1>>,
 }
 
 const START: f64 = 30.0;
-/// The cube's own pose.
+/// The rotation of the target cube, in degrees.
 const TARGET: f64 = 20.0;
 
-/// Walls to the left and right, a floor, and above the cube two emitters, each of which faces a wall.
+/// Walls to the left and right, a floor, and two emitters above the cube. Each emitter faces a wall.
 fn scene(angle: &Tensor<1>, device: &Device) -> Scene {
     let quad = |corners: [[f64; 3]; 4]| {
         let [a, b, c, d] = corners;
@@ -31,7 +31,7 @@ fn scene(angle: &Tensor<1>, device: &Device) -> Scene {
         let corners = [[x, 0.0, 2.0], [x, 0.0, -2.0], [x, 3.0, -2.0], [x, 3.0, 2.0]];
         quad(corners)
     };
-    // Facing −x: the left wall.
+    // `towards` is −1 for a light that faces −x, the left wall, and 1 for +x.
     let light = |x: f64, towards: f64| {
         let z = 0.5 * towards;
         let corners = [[x, 1.6, z], [x, 1.6, -z], [x, 2.2, -z], [x, 2.2, z]];
@@ -92,7 +92,7 @@ impl Indirect {
 impl Problem for Indirect {
     type Module = Turn;
 
-    /// In degrees.
+    /// `distance` is in degrees.
     fn start(&self, distance: f64) -> Turn {
         let angle = Tensor::from_floats([distance.to_radians()], &self.device);
         Turn {

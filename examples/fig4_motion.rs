@@ -1,5 +1,5 @@
-//! Figure 4 of the paper: the velocity of an icosahedron and its vertices together, from one image
-//! blurred by its motion.
+//! Figure 4 of the paper: recovers the velocity and the vertices of an icosahedron together, from one image with
+//! motion blur.
 
 pub(crate) mod common;
 
@@ -20,9 +20,9 @@ struct Moving {
     velocity: Param<Tensor<1>>,
 }
 
-/// Scene units: the velocity takes steps so much larger than the vertices.
+/// Scene units per unit of the velocity parameter: its steps are larger than those of the vertices by this factor.
 const UNIT: f64 = 4.0;
-/// Sideways and up, seen from near, so that the size tells of motion along the view.
+/// Sideways and up. The camera is near, so that the size of the body in the image shows motion along the view.
 const VELOCITY: [f32; 3] = [0.9, 0.35, 0.0];
 
 #[expect(
@@ -53,7 +53,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             .with(Object::new(light.clone()).material(Material::emitter([40.0, 40.0, 40.0])))
             .environment([0.25, 0.3, 0.35])
     };
-    // The target: taller than wide, and a tip pulled out.
+    // The target is taller than wide and has a tip pulled out.
     let round = icosahedron.host_vertices()?;
     let goal: Vec<[f64; 3]> = round
         .iter()
@@ -78,7 +78,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         arguments,
         arguments.either(450, 600),
     );
-    // A coarse guess: a ball at rest.
+    // The start is a coarse guess: a ball at rest.
     let first = flat(&round).iter().map(|x| 0.8 * x).collect::<Vec<_>>();
     let topology = MeshRegulariser::from_mesh(&icosahedron)?;
     let module = Moving {
@@ -96,7 +96,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             let see = |k| render(&scene, &camera, &step.options(&few, k));
             let (a, b) = (see(0)?.radiance, see(1)?.radiance);
             let image = loss::mse_unbiased(a.clone(), b, target.clone());
-            // What the image does not see is held by its neighbours.
+            // The regularizer holds vertices that are not visible close to their neighbors.
             let smooth = topology.laplacian(vertices.clone().unsqueeze());
             let far = distance(&numbers(&velocity), &VELOCITY.map(f64::from));
             Ok(Evaluation::new(image + smooth * 2e-3)
@@ -136,7 +136,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             .plot("its error, scene units", &["velocity error"])?
             .log(),
     ];
-    // One image says little of vertices on the far side: outlines at rest are compared.
+    // One image contains little about vertices on the far side, so silhouettes at rest are compared.
     let outline = |vertices: Tensor<2>| -> Result<Tensor<2>, Failure> {
         let still = scene(vertices, Tensor::zeros([3], &device));
         let image = render(&still, &camera, &sharp.clone().samples(64).with_opacity())?;

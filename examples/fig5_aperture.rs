@@ -1,5 +1,4 @@
-//! Figure 5 of the paper: the aperture of a lens, and the distance that it is focused on, from an image
-//! that is out of focus.
+//! Figure 5 of the paper: recovers the aperture and the focus distance of a lens from an image out of focus.
 
 pub(crate) mod common;
 
@@ -14,11 +13,11 @@ use common::study::{Arguments, Failure, Outcome, Study, distance, numbers, pictu
 
 #[derive(Module, Debug)]
 struct Lens {
-    /// Logarithms of aperture radius and focus distance, both in scene units.
+    /// The logarithms of aperture radius and focus distance, both in scene units.
     logs: Param<Tensor<1>>,
 }
 
-/// Aperture radius and focus distance, scene units.
+/// Aperture radius and focus distance, in scene units.
 const TARGET: [f64; 2] = [0.3, 4.0];
 const START: [f64; 2] = [0.05, 5.5];
 
@@ -37,7 +36,7 @@ fn scene(device: &Device) -> Scene {
         [-4.0, 0.0, -6.0],
         device,
     );
-    // Squares all over: something to be sharp or not at every distance.
+    // The checkerboard shows the focus at every distance.
     let squares: Vec<f32> = (0..40 * 40)
         .flat_map(|i| {
             [if (i % 40 + i / 40) % 2 == 0 {
@@ -77,7 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         )
     };
     let size = arguments.either(40, 64);
-    // The lens blurs enough.
+    // No other blur, since the lens blurs enough.
     let options = RenderOptions::new(size, size)
         .bounces(0)
         .visibility(Visibility::Cone {

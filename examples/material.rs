@@ -1,4 +1,4 @@
-//! ColorTexture, specular albedo and shininess of a ball from one image of it under two lights.
+//! Recovers albedo, specular albedo and shininess of a ball from one image under two lights.
 
 pub(crate) mod common;
 
@@ -13,14 +13,14 @@ use common::study::{Arguments, Failure, Outcome, Study, distance, numbers, pictu
 
 #[derive(Module, Debug)]
 struct Surface {
-    /// k_d and k_s before the logistic function that keeps them in (0, 1).
+    /// A logistic function maps them to k_d and k_s in (0, 1).
     diffuse: Param<Tensor<1>>,
     specular: Param<Tensor<1>>,
-    /// ln of the Phong exponent.
+    /// The logarithm of the Phong exponent.
     shininess: Param<Tensor<1>>,
 }
 
-/// k_d, k_s and ln of the exponent.
+/// k_d, k_s and the logarithm of the exponent.
 const TARGET: [f64; 7] = [0.55, 0.2, 0.1, 0.25, 0.3, 0.35, 3.9];
 const START: [f64; 7] = [0.3, 0.3, 0.3, 0.1, 0.1, 0.1, 2.3];
 
@@ -35,7 +35,7 @@ fn scene(diffuse: Tensor<1>, specular: Tensor<1>, exponent: Tensor<1>, device: &
             [x + 0.7, 3.6, 1.0],
             [x - 0.7, 3.6, 1.0],
         ];
-        // Seen from below and in front.
+        // Facing down and away from the camera, towards the ball.
         let [a, b, c, d] = corners;
         Object::new(shapes::quad(d, c, b, a, device))
             .material(Material::emitter([strength, strength, strength]))
@@ -67,7 +67,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 
     let study = Study::new(
         "material",
-        "ColorTexture, gloss and shininess",
+        "Albedo, gloss and shininess",
         arguments,
         arguments.either(250, 400),
     );

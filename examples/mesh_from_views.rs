@@ -1,4 +1,4 @@
-//! A mesh from twelve views: a ball becomes a bent, dented body, by large steps and regularisers.
+//! Recovers a mesh from twelve views: large steps and regularizers turn a ball into a bent, dented body.
 
 pub(crate) mod common;
 
@@ -21,7 +21,7 @@ struct Body {
 
 const VIEWS: usize = 12;
 
-/// Two eyes above, one from each side, around a circle and back.
+/// Cameras around a circle, at three heights in turn.
 fn cameras() -> Vec<Camera> {
     let view = |i: usize| {
         let angle = TAU * (i as f64 + 0.5) / VIEWS as f64;
@@ -32,7 +32,7 @@ fn cameras() -> Vec<Camera> {
     (0..VIEWS).map(view).collect()
 }
 
-/// The target: a ball stretched, with three lobes, a dent and a bend.
+/// Maps a point of the ball to the target: stretched, with three lobes, a dent and a bend.
 fn formed([x, y, z]: [f64; 3]) -> [f64; 3] {
     let around = z.atan2(x);
     let flat = (1.0 - y * y).max(0.0);
@@ -62,7 +62,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         let [a, b, c, d] = corners;
         Object::new(shapes::quad(a, b, c, d, &device)).material(Material::emitter(colour))
     };
-    // Light from all sides, with colours that tell directions apart.
+    // Light comes from all sides, and its color depends on the direction.
     let scene = |mesh: Mesh| {
         Scene::new()
             .with(
@@ -110,7 +110,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             let few = options.clone().samples(4).with_opacity();
             let (mut sum, mut first) = (Tensor::zeros([1], &vertices.device()), None);
             for k in 0..per_step {
-                // All views in turn, far apart within a step.
+                // Views take turns; views of one step are far apart.
                 let view = (step.index + k * VIEWS / per_step) % VIEWS;
                 let see = |r| render(&scene, &cameras[view], &step.options(&few, r));
                 let (a, b) = (see(2 * k as u64)?, see(2 * k as u64 + 1)?);
@@ -172,7 +172,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     study.finish(&fitted, images, plots, outcome)
 }
 
-/// Some points spread evenly over a mesh: a golden-ratio sequence over its area.
+/// Returns points that are evenly spread over the area of a mesh, by a golden-ratio sequence.
 fn spread(mesh: &Mesh) -> Result<Vec<[f64; 3]>, Failure> {
     const POINTS: usize = 4000;
     let vertices = mesh.host_vertices()?;
@@ -198,7 +198,7 @@ fn spread(mesh: &Mesh) -> Result<Vec<[f64; 3]>, Failure> {
     Ok((0..POINTS).map(point).collect())
 }
 
-/// The mean squared distance to the nearest point, both ways.
+/// Returns the mean squared distance to the nearest point, summed over both ways.
 fn chamfer(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
     let one_way = |a: &[[f64; 3]], b: &[[f64; 3]]| {
         let nearest = |p: &[f64; 3]| {

@@ -1,4 +1,4 @@
-//! Gold and glass under a lamp and a sky, and a fit of how rough they are from one image.
+//! Gold and glass under a lamp and a sky, and a fit of their roughness from one image.
 
 pub(crate) mod common;
 
@@ -20,11 +20,11 @@ const START: [f64; 2] = [0.5, 0.4];
 
 #[derive(Module, Debug)]
 struct Surfaces {
-    /// ln(r/(1 − r)) of the two roughnesses.
+    /// ln(r/(1 − r)) with each roughness r.
     roughness: Param<Tensor<1>>,
 }
 
-/// A sky that is brighter about the horizon and has a soft sun, `[H, W, 3]`.
+/// A sky with a bright horizon and a soft sun, `[H, W, 3]`.
 fn sky(device: &Device) -> Tensor<3> {
     let (rows, columns) = (32, 64);
     let texel = |i: usize| {
@@ -41,7 +41,7 @@ fn sky(device: &Device) -> Tensor<3> {
     Tensor::from_data(TensorData::new(texels, [rows, columns, 3]), device)
 }
 
-/// Squares of two colours.
+/// A checkerboard of two colors.
 fn squares(device: &Device) -> ColorTexture {
     let n = 64;
     let texel = |i: usize| match (i / n / 8 + i % n / 8) % 2 {

@@ -1,4 +1,4 @@
-//! An object that is seen only by its reflection in a glossy wall.
+//! Recovers the position of an object that is visible only as a reflection in a glossy wall.
 
 pub(crate) mod common;
 
@@ -12,13 +12,13 @@ use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, distance,
 
 #[derive(Module, Debug)]
 pub(crate) struct Hidden {
-    /// Offset along the mirror from the target's place `[2]`, scene units.
+    /// Offset along the mirror from the target's position `[2]`, in scene units.
     offset: Param<Tensor<1>>,
 }
 
 const START: [f64; 2] = [0.7, 0.35];
 
-/// A glossy wall in front of the camera, and a bright icosahedron behind it that the camera does not see.
+/// A glossy wall in front of the camera, and a bright icosahedron behind the camera, outside its view.
 fn scene(offset: Tensor<1>, device: &Device) -> Scene {
     let mirror = shapes::quad(
         [-2.5, -1.8, 0.0],

@@ -1,4 +1,5 @@
-//! A hammered plate in a dark room: its normal map and roughness, from photographs under a lamp in different places.
+//! Recovers normal map and roughness of a hammered plate in a dark room from photographs with a lamp at several
+//! places.
 
 pub(crate) mod common;
 
@@ -15,15 +16,15 @@ use softray::prelude::*;
 
 use common::study::{Arguments, Failure, Outcome, Study, numbers, picture};
 
-/// Roughness of the plate and of where the fit begins.
+/// Roughness of the plate and of the start of the fit.
 const ROUGHNESS: [f64; 2] = [0.35, 0.7];
-/// Places of the lamp.
+/// The number of photographs. Each has its own place of the lamp.
 const PHOTOGRAPHS: usize = 6;
 
 #[derive(Module, Debug)]
 struct Plate {
     relief: NormalMapParams,
-    /// ln(r/(1 − r)) of the roughness r, `[1]`.
+    /// ln(r/(1 − r)) with the roughness r, `[1]`.
     roughness: Param<Tensor<1>>,
 }
 
@@ -33,7 +34,7 @@ impl Plate {
     }
 }
 
-/// Slopes of dents that a hammer left, `[n, n, 3]`, each of unit length.
+/// Returns the normal map of hammer dents, `[n, n, 3]`, with unit normals.
 fn hammered(n: usize, device: &Device) -> Tensor<3> {
     let texel = |i: usize| {
         let (u, v) = ((i % n) as f64 / n as f64, (i / n) as f64 / n as f64);
@@ -64,12 +65,12 @@ fn scene(texels: &Tensor<3>, roughness: &Tensor<1>, photograph: usize, device: &
         .light(lamp)
 }
 
-/// What a loss compares: a highlight counts as much as what is dim.
+/// Returns the logarithm that the loss compares, so that highlights and dim parts have similar weight.
 fn logarithm(image: Tensor<3>) -> Tensor<3> {
     image.add_scalar(0.03).log()
 }
 
-/// The mean angle between normals of two maps, degrees.
+/// Returns the mean angle between the normals of two maps, in degrees.
 fn angle(a: &Tensor<3>, b: &Tensor<3>) -> f64 {
     let cosines = numbers(&(a.clone().inner() * b.clone().inner()).sum_dim(2));
     let angles = cosines.iter().map(|c| c.min(1.0).acos().to_degrees());
@@ -106,7 +107,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         .run(|plate: &Plate, step: &_| {
             let (texels, roughness) = (plate.relief.texels(), plate.roughness());
             let few = options.clone().samples(8);
-            // Half of the photographs at each step.
+            // Each step uses half of the photographs.
             let of_step = (step.index % 2..PHOTOGRAPHS).step_by(2);
             let seen = of_step.map(|k| {
                 let scene = scene(&texels, &roughness, k, &device);

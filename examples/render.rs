@@ -1,4 +1,4 @@
-//! Renders a file of a scene (OBJ, glTF, PLY, or a scene.json that adds a camera) to a PNG or EXR.
+//! Renders a scene file (OBJ, glTF, PLY, or a scene.json that adds a camera) to a PNG or EXR file.
 
 mod common;
 
@@ -10,49 +10,48 @@ use std::time::Instant;
 use clap::Parser;
 use softray::prelude::*;
 
-/// Renders a scene.
+/// Renders a scene file to an image.
 #[derive(Parser)]
 pub struct Arguments {
-    /// An .obj, .gltf, .glb or .ply, or a .json that names one with a camera.
+    /// The scene: an .obj, .gltf, .glb or .ply file, or a .json file that adds a camera to one.
     scene: PathBuf,
-    /// The picture, .png or .exr.
+    /// The output image, .png or .exr.
     #[arg(short, long)]
     out: PathBuf,
-    /// The name of one of the file's cameras; without it the first, or one from which the scene is in view.
+    /// Name of a camera in the file. Default: the first camera, or one that has the whole scene in view.
     #[arg(long)]
     camera: Option<String>,
     /// Camera position x,y,z.
     #[arg(long, value_parser = triple, allow_hyphen_values = true)]
     eye: Option<[f64; 3]>,
-    /// The point looked at x,y,z.
+    /// The point x,y,z that the camera looks at.
     #[arg(long, value_parser = triple, allow_hyphen_values = true)]
     target: Option<[f64; 3]>,
-    /// Vertical field of view, degrees.
+    /// Vertical field of view in degrees.
     #[arg(long)]
     fov: Option<f64>,
-    /// Width×height, as 512x512 or 512.
+    /// Image size, such as 512x512 or 512 for a square.
     #[arg(long, value_parser = size)]
     size: Option<(usize, usize)>,
-    /// Paths a pixel.
+    /// Paths per pixel.
     #[arg(long, default_value_t = 64)]
     spp: u32,
-    /// More of them where the image is noisy, fewer elsewhere.
+    /// Use more paths where the image is noisy and fewer elsewhere.
     #[arg(long, conflicts_with = "softmax")]
     adaptive: bool,
-    /// Bounces after the surface that the camera sees.
+    /// Bounces after the first surface.
     #[arg(long, default_value_t = 3)]
     bounces: u32,
-    /// Half-angle of the cones of rays, radians.
+    /// Half-angle of the ray cones in radians.
     #[arg(long, default_value_t = 0.0)]
     angle: f64,
-    /// Radius of the pixel filter beyond a pixel, pixels.
+    /// Radius of the pixel filter beyond the pixel itself, in pixels.
     #[arg(long, default_value_t = 0.0)]
     pixels: f64,
-    /// The paper's form of visibility in place of cones: σ in scene units squared, γ in units of the
-    /// scene's depth.
+    /// Use the paper's visibility instead of cones: σ in scene units squared, γ in units of the scene's depth.
     #[arg(long, value_parser = pair, value_name = "SIGMA,GAMMA")]
     softmax: Option<[f64; 2]>,
-    /// Whether the scene may name files outside of its folder.
+    /// Allow the scene to refer to files outside its folder.
     #[arg(long)]
     outside: bool,
     /// Environment radiance r,g,b.
@@ -61,20 +60,20 @@ pub struct Arguments {
     /// An equirectangular environment map, .hdr or .exr.
     #[arg(long, conflicts_with = "environment")]
     environment_map: Option<PathBuf>,
-    /// How paths are sampled: as well as known here, or as in the paper.
+    /// Sampling of paths: the library's default, or plain as in the paper.
     #[arg(long, value_enum, default_value_t = Sampled::Default)]
     sampling: Sampled,
-    /// Same seed, same image.
+    /// Random seed. The same seed gives the same image.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// flex, ndarray, wgpu or vulkan; without it what BURN_DEVICE names, or flex.
+    /// Device: flex, ndarray, wgpu or vulkan. Default: the value of BURN_DEVICE, or flex.
     #[arg(long)]
     device: Option<String>,
-    /// Stops by which a .png is brighter than the light of the scene; without it 0, or where that would show all
-    /// white or black, those that show the lit parts. An .exr has the light as it is, and so has --reference.
+    /// Exposure of a .png in stops. Default: 0, or a value that shows the lit parts if the picture would be too
+    /// bright or too dark. It changes neither an .exr nor the comparison with --reference.
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     exposure: Option<f64>,
-    /// An image to compare with.
+    /// Reference image for a comparison.
     #[arg(long)]
     reference: Option<PathBuf>,
 }
@@ -113,9 +112,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Renders a scene.
 ///
 /// # Errors
-/// When a file can't be read or written, or the scene is not valid.
+/// If a file cannot be read or written, or the scene is not valid.
 pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
-    // Before anything is computed, which would be lost.
+    // Checked first, so that no result is lost.
     HostImage::check_path(&arguments.out)?;
     let device = softray::device::named(arguments.device.as_deref())?;
     let (mut scene, mut camera, mut size) = load(arguments, &device)?;
@@ -192,7 +191,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The picture of an image that is written.
+/// Returns the image to write, with the exposure applied.
 fn exposed<'a>(image: &'a HostImage, arguments: &Arguments) -> Cow<'a, HostImage> {
     let ending = arguments.out.extension().unwrap_or_default();
     if ending.eq_ignore_ascii_case("exr") {

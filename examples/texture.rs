@@ -1,4 +1,4 @@
-//! The texels of a ball from several views of it.
+//! Recovers the texels of a ball from several views.
 
 pub(crate) mod common;
 
@@ -15,13 +15,13 @@ use common::study::{Arguments, Failure, Outcome, Study, numbers, picture};
 
 #[derive(Module, Debug)]
 struct Texture {
-    /// `[H, W, 3]`, before the logistic function that keeps albedos in (0, 1).
+    /// `[H, W, 3]`. A logistic function maps them to albedos in (0, 1).
     logits: Param<Tensor<3>>,
 }
 
 const VIEWS: usize = 8;
 
-/// A ball by longitude and latitude, with texture coordinates and a seam.
+/// A ball on a grid of longitude and latitude, with texture coordinates and a seam.
 fn ball(columns: usize, rows: usize, device: &Device) -> Mesh {
     let (mut vertices, mut uvs, mut faces) = (Vec::new(), Vec::new(), Vec::new());
     for row in 0..=rows {
@@ -50,7 +50,7 @@ fn ball(columns: usize, rows: usize, device: &Device) -> Mesh {
         .with_uvs(Tensor::from_data(TensorData::new(uvs, [count, 2]), device))
 }
 
-/// Meridians, parallels and dots of several colours.
+/// Meridians, parallels and dots of several colors.
 fn pattern(height: usize, width: usize) -> Vec<f32> {
     let mut texels = Vec::with_capacity(height * width * 3);
     for y in 0..height {
@@ -97,7 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     };
     let cameras = cameras();
     let size = arguments.either(32, 64);
-    // Texels are to be told apart: no filter beyond a pixel.
+    // No filter beyond a pixel, which keeps texels separate.
     let options = RenderOptions::new(size, size)
         .bounces(0)
         .visibility(Visibility::Cone {
@@ -125,7 +125,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         logits: Param::from_tensor(start),
     };
     let goal: Vec<f64> = goal.into_iter().map(f64::from).collect();
-    // By the area of the texels on the ball.
+    // Weighted by the area of the texels on the ball.
     let rms = |t: &[f64]| {
         let (mut sum, mut all) = (0.0, 0.0);
         for (i, (a, b)) in t.iter().zip(&goal).enumerate() {
@@ -142,7 +142,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             let texels = burn::tensor::activation::sigmoid(texture.logits.val());
             let scene = scene(texels.clone());
             let few = options.clone().samples(8);
-            // All views in turn, two at a step.
+            // Views take turns, two per step.
             let (mut sum, mut first) = (None, None);
             for k in 0..2 {
                 let view = (2 * step.index + k) % VIEWS;

@@ -1,18 +1,18 @@
-//! Shared by the examples: the log, progress bars, fits.
+//! Code shared by the examples: the log, progress bars, fits.
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-#[allow(dead_code)] // only those that fit something
+#[allow(dead_code)] // only the examples with a fit use it
 pub mod study;
 
-/// Shows warnings; `RUST_LOG` chooses otherwise.
+/// Logs warnings, or the levels in `RUST_LOG`.
 pub fn log() {
     let warnings = env_logger::Env::default().default_filter_or("warn");
     env_logger::Builder::from_env(warnings).init();
 }
 
-/// A progress bar of known length.
-#[allow(dead_code)] // those that fit have one of the fit
+/// Creates a progress bar of a known length.
+#[allow(dead_code)] // examples with a fit have the bar of the fit
 pub fn bar(length: u64, message: &'static str) -> ProgressBar {
     let style = ProgressStyle::with_template("{msg:12} {bar:40} {pos}/{len} [{elapsed} < {eta}]");
     ProgressBar::new(length)
@@ -20,7 +20,7 @@ pub fn bar(length: u64, message: &'static str) -> ProgressBar {
         .with_message(message)
 }
 
-/// A progress bar that a render moves.
+/// Creates a progress bar, and the callback with which a render updates it.
 #[allow(dead_code)]
 pub fn render_progress(
     message: &'static str,

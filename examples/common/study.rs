@@ -1,4 +1,4 @@
-//! What the examples that fit something share: arguments, snapshots, a figure at the end.
+//! Code shared by the examples with a fit: arguments, snapshots, a figure at the end.
 
 use std::cell::RefCell;
 use std::error::Error;
@@ -16,25 +16,25 @@ use softray::prelude::*;
 
 pub type Failure = Box<dyn Error>;
 
-/// The arguments of an example that fits something.
+/// The arguments of an example with a fit.
 #[derive(Parser, Clone, Debug)]
 pub struct Arguments {
-    /// A shorter fit of smaller images, under 40 s.
+    /// Run a shorter fit of smaller images, under 40 s.
     #[arg(long)]
     pub quick: bool,
-    /// Steps of the fit.
+    /// Number of steps of the fit.
     #[arg(long)]
     pub steps: Option<usize>,
-    /// Seed of the renders' noise.
+    /// Random seed of the renders.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Go on from the newest checkpoint of a run that was stopped.
+    /// Resume a stopped run from its newest checkpoint.
     #[arg(long)]
     pub resume: bool,
-    /// Write about 20 pictures of the fit beside their targets, and an animation of them.
+    /// Write about 20 pictures of the fit next to their targets, and an animation of them.
     #[arg(long)]
     pub pictures: bool,
-    /// flex, ndarray, wgpu or vulkan; without it what BURN_DEVICE names, or flex.
+    /// Device: flex, ndarray, wgpu or vulkan. Default: the value of BURN_DEVICE, or flex.
     #[arg(long)]
     pub device: Option<String>,
     /// Folder for figures, histories and checkpoints.
@@ -43,7 +43,7 @@ pub struct Arguments {
 }
 
 impl Arguments {
-    /// What the tests run.
+    /// Returns the arguments that the tests use.
     pub fn for_tests(out: PathBuf) -> Self {
         Self {
             quick: true,
@@ -56,7 +56,7 @@ impl Arguments {
         }
     }
 
-    /// One of two values, for `--quick` and without.
+    /// Returns `quick` with `--quick`, otherwise `full`.
     pub fn either<T>(&self, quick: T, full: T) -> T {
         if self.quick { quick } else { full }
     }
@@ -66,7 +66,7 @@ impl Arguments {
     }
 }
 
-/// A scene as it is to be found, and the image of it that is to be met.
+/// The target scene of a fit, and its image.
 pub struct Goal {
     pub scene: Scene,
     pub camera: Camera,
@@ -97,18 +97,18 @@ impl Goal {
         })
     }
 
-    /// The angle of a pixel, radians.
+    /// Returns the angle of a pixel in radians.
     pub fn pixel(&self) -> softray::Result<f64> {
         pixel_angle(&self.camera, self.size)
     }
 
-    /// Another scene as this one was seen.
+    /// Renders another scene with the camera and many samples.
     pub fn picture(&self, scene: &Scene) -> softray::Result<HostImage> {
         picture(scene, &self.camera, &self.sharp)
     }
 
-    /// Two noisy renders of a scene with the blur of a step: what they lose, and the first of them.
-    /// With a form of visibility, its blur counts in place of the step's.
+    /// Returns the loss of two noisy renders of a scene with the blur of a step, and the first render. `visibility`
+    /// replaces the blur of the step.
     pub fn compare(
         &self,
         scene: &Scene,
@@ -132,31 +132,31 @@ impl Goal {
     }
 }
 
-/// Something to fit from any distance, for the bench of basins too.
+/// A fit that can start at any distance from its target. The basins benchmark uses it too.
 pub trait Problem {
     type Module: Module;
 
-    /// Parameters so far from the target's, in the direction of the example.
+    /// Returns parameters at a distance from the target's, in the direction of the example.
     fn start(&self, distance: f64) -> Self::Module;
 
-    /// How far parameters are from the target's.
+    /// Returns the distance of parameters from the target's.
     fn error(&self, module: &Self::Module) -> f64;
 
-    /// The angle of a pixel, radians.
+    /// Returns the angle of a pixel in radians.
     fn pixel(&self) -> softray::Result<f64>;
 
-    /// The loss of a step.
+    /// Returns the loss of a step.
     fn evaluate(&self, module: &Self::Module, step: &Step) -> softray::Result<Evaluation>;
 }
 
-/// How far the parameters are from the target's.
+/// The result of a fit: the distance of the parameters from the target's.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// At the start and at the end.
+    /// The distances at the start and at the end.
     pub errors: [f64; 2],
-    /// What is measured, with its unit.
+    /// The name of the distance, with its unit.
     pub of: String,
-    /// Numbers that are reported beside it.
+    /// Other numbers to report.
     pub others: Vec<(String, f64)>,
 }
 
@@ -199,7 +199,7 @@ impl<'a> Study<'a> {
         self.steps
     }
 
-    /// A fit that keeps its history in the example's folder, and the first image of four steps.
+    /// Creates a fit that writes its history to the example's folder and keeps the first image of four steps.
     pub fn fit<M: Module + 'static>(
         &self,
         module: M,
@@ -225,14 +225,14 @@ impl<'a> Study<'a> {
         }
     }
 
-    /// The pictures of the fit, in the order of their names.
+    /// Returns an animation of the fit's pictures, in the order of their names.
     fn animation(&self) -> Result<Animation, Failure> {
         let folder = self.arguments.out.join(self.name).join("pictures");
         let mut files: Vec<PathBuf> = std::fs::read_dir(folder)?
             .map(|entry| entry.map(|e| e.path()))
             .collect::<Result<_, _>>()?;
         files.sort();
-        // Every other one is enough for a file that is small.
+        // Every second picture is enough and keeps the file small.
         let frames = files.iter().step_by(2).map(HostImage::read);
         Ok(Animation::new(frames.collect::<Result<_, _>>()?)?)
     }
@@ -280,7 +280,7 @@ impl<'a> Study<'a> {
     }
 }
 
-/// A render on the host.
+/// Renders a scene and reads the image back.
 pub fn picture(
     scene: &Scene,
     camera: &Camera,
@@ -289,12 +289,12 @@ pub fn picture(
     HostImage::from_tensor(&render(scene, camera, options)?.radiance)
 }
 
-/// The values of a small tensor.
+/// Reads the values of a small tensor back.
 pub fn numbers<const D: usize>(tensor: &Tensor<D>) -> Vec<f64> {
     tensor.clone().inner().into_data().iter::<f64>().collect()
 }
 
-/// The length of the difference of two points.
+/// Returns the distance of two points.
 pub fn distance(a: &[f64], b: &[f64]) -> f64 {
     let square = |(x, y): (&f64, &f64)| (x - y) * (x - y);
     a.iter().zip(b).map(square).sum::<f64>().sqrt()

@@ -1,12 +1,12 @@
-//! Smooth functions on a sphere, that offsets of its vertices are made of.
+//! Smooth functions on a sphere. The offsets of its vertices are sums of them.
 
 use std::f64::consts::{FRAC_1_PI, SQRT_2};
 
 use glam::DVec3;
 
-/// Real spherical harmonics of degree 1 to `degree` in a direction of length 1, orthonormal over the
-/// sphere, in order of the degree and then of the order from −l to l: degree·(degree + 2) numbers.
-/// The constant function is left out: offsets by it would be a translation.
+/// Returns real spherical harmonics of degree 1 to `degree` in a direction of length 1. They are orthonormal over the
+/// sphere, and sorted by degree l, then by order from −l to l: degree·(degree + 2) numbers. The constant function is
+/// left out, since offsets by it would be a translation.
 pub fn harmonics(degree: usize, direction: DVec3) -> Vec<f64> {
     let legendre = legendre(degree, direction.y);
     let around = direction.x.atan2(direction.z);
@@ -26,12 +26,12 @@ pub fn harmonics(degree: usize, direction: DVec3) -> Vec<f64> {
     values
 }
 
-/// The degree of each of these functions.
+/// Returns the degree of each of these functions.
 pub fn degrees(degree: usize) -> Vec<usize> {
     (1..=degree).flat_map(|l| vec![l; 2 * l + 1]).collect()
 }
 
-/// Associated Legendre functions of a cosine, normalised for the sphere, [l][m] for 0 ≤ m ≤ l: the
+/// Returns associated Legendre functions of a cosine, normalized for the sphere, [l][m] for 0 ≤ m ≤ l, by the
 /// recurrences of Press et al., *Numerical Recipes*, 6.7.
 fn legendre(degree: usize, x: f64) -> Vec<Vec<f64>> {
     let sin = (1.0 - x * x).max(0.0).sqrt();
@@ -61,7 +61,7 @@ mod tests {
     use super::*;
     use std::f64::consts::TAU;
 
-    /// Over a midpoint rule that integrates the products almost exactly.
+    /// Uses a midpoint rule that integrates the products almost exactly.
     #[test]
     fn harmonics_are_orthonormal() {
         const STEPS: usize = 400;

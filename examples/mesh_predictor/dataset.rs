@@ -1,4 +1,4 @@
-//! Objects by seed, and images of them.
+//! Objects that a seed determines, and their images.
 
 use burn::tensor::TensorData;
 use glam::{DQuat, DVec3};
@@ -8,10 +8,10 @@ use super::numbers::Numbers;
 use super::render::{Eye, Light, SIZE, Seen, options, scene, see};
 use super::shape::Shape;
 
-/// Paths a pixel of the images.
+/// Paths per pixel of the images.
 const SAMPLES: u32 = 16;
 
-/// An object as it stands somewhere, and what it is seen by.
+/// An object with its pose, light and cameras.
 #[derive(Clone, Debug)]
 pub struct Item {
     pub shape: Shape,
@@ -20,12 +20,12 @@ pub struct Item {
     /// ColorTexture, RGB.
     pub colour: [f64; 3],
     pub light: Light,
-    /// The first is [`Eye::INPUT`], the others are anywhere around.
+    /// The first eye is [`Eye::INPUT`]. The other eyes have random directions.
     pub eyes: Vec<Eye>,
 }
 
 impl Item {
-    /// The `index`-th of a seed, with so many views.
+    /// Creates the `index`-th item of a seed, with `views` views.
     pub fn new(seed: u64, index: usize, views: usize) -> Self {
         let n = &mut Numbers::new(seed, index as u64);
         let shape = Shape::random(n);
@@ -60,7 +60,7 @@ impl Item {
         }
     }
 
-    /// Seen in a mirror, x turned about. All shapes are their own mirror images.
+    /// Returns the item mirrored in x. All shapes are their own mirror images.
     fn mirrored(&self) -> Self {
         let aside = |eye: Eye| Eye {
             azimuth: -eye.azimuth,
@@ -79,7 +79,7 @@ impl Item {
         }
     }
 
-    /// The object where it stands.
+    /// Returns the object's mesh in world space.
     fn mesh(&self, device: &Device) -> Mesh {
         let (vertices, faces) = self.shape.mesh();
         let placed = |v: DVec3| (self.rotation * v + self.translation).to_array();
@@ -87,7 +87,7 @@ impl Item {
         Mesh::from_host(&vertices, faces, device)
     }
 
-    /// What its cameras see.
+    /// Renders the item from its cameras.
     fn see(&self, device: &Device, seed: u64) -> softray::Result<Seen> {
         let scene = scene(self.mesh(device), self.colour, &self.light);
         let cameras = self.eyes.iter().map(|eye| eye.camera()).collect();
@@ -96,7 +96,7 @@ impl Item {
     }
 }
 
-/// Images of an item from one of its eyes, on the host.
+/// The images of an item from one of its eyes, on the host.
 struct View {
     /// `[H, W, 3]`.
     radiance: Vec<f32>,
@@ -106,7 +106,7 @@ struct View {
 
 /// Items with their images.
 pub struct Dataset {
-    /// Those past the number of `views` are the first ones in a mirror.
+    /// Items past the number of `views` are mirror images of the first ones.
     pub items: Vec<Item>,
     views: Vec<Vec<View>>,
 }
@@ -141,19 +141,19 @@ impl Dataset {
         Ok(data)
     }
 
-    /// With every item in a mirror as well: as much to learn from as twice the renders.
+    /// Adds the mirror image of every item, which doubles the data without more renders.
     pub fn with_mirrored(mut self) -> Self {
         let mirrored: Vec<Item> = self.items.iter().map(Item::mirrored).collect();
         self.items.extend(mirrored);
         self
     }
 
-    /// The numbers of items and of views of each.
+    /// Returns the numbers of items and of views per item.
     pub fn all(&self) -> (usize, usize) {
         (self.items.len(), self.views.first().map_or(0, Vec::len))
     }
 
-    /// Images of (item, eye), one after the other, as tensors on a device.
+    /// Returns the images of (item, eye) pairs as tensors on a device.
     pub fn images(&self, which: &[(usize, usize)], device: &Device) -> Seen {
         let (mut radiance, mut opacity) = (Vec::new(), Vec::new());
         for &(item, eye) in which {
@@ -183,8 +183,8 @@ impl Dataset {
 mod tests {
     use super::*;
 
-    /// Any two items differ, an item is the same whatever the data set's length, and what is seen of
-    /// it is inside of the image and no lamp.
+    /// Items differ from each other, and do not depend on the length of the data set. Objects are inside the image,
+    /// and lamps are outside.
     #[test]
     fn items_are_by_seed_and_in_view() {
         let device = Device::flex();
@@ -200,7 +200,7 @@ mod tests {
         }
     }
 
-    /// What is seen of a mirrored item is the mirrored image, but for noise of light.
+    /// The render of a mirrored item is the mirrored image, except for noise of light.
     #[test]
     fn mirrored_items_look_mirrored() {
         let device = Device::flex();

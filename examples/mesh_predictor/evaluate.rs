@@ -1,4 +1,4 @@
-//! How well silhouettes are met, by the network and by what knows no image.
+//! Measures how well silhouettes match, for the network and for baselines without an image.
 
 use softray::optim::loss;
 use softray::prelude::*;
@@ -7,14 +7,14 @@ use super::dataset::Dataset;
 use super::network::{Bodies, Decoder, Network};
 use super::render::{options, see};
 
-/// Paths a pixel of the silhouettes that are compared.
+/// Paths per pixel of the silhouettes that are compared.
 const SAMPLES: u32 = 4;
-/// Images that the network sees at once.
+/// Images per batch of the network.
 const AT_ONCE: usize = 16;
-/// Objects that the scale of the mean shape is chosen with.
+/// Objects for the choice of the mean shape's scale.
 const CHOSEN_WITH: usize = 48;
 
-/// What the network says of the input images of a data set, without autodiff.
+/// Returns the network's predictions for the input images of a data set, as untracked tensors.
 pub fn predict(data: &Dataset, network: &Network, decoder: &Decoder, device: &Device) -> Bodies {
     let all: Vec<usize> = (0..data.items.len()).collect();
     let chunk = |items: &[usize]| {
@@ -30,9 +30,9 @@ pub fn predict(data: &Dataset, network: &Network, decoder: &Decoder, device: &De
     }
 }
 
-/// The mean intersection over union of silhouettes, of the input views and of the others. `scene`
-/// gives what stands for an item, of the first so many of which as many views are taken. NaN where there
-/// is no view.
+/// Returns the mean intersection over union of silhouettes, for the input views and for the other views. It uses the
+/// first `items` items with the first `eyes` views each. `scene` returns the scene to compare with an item. The
+/// result is NaN if there is no view.
 pub fn overlap(
     data: &Dataset,
     (items, eyes): (usize, usize),
@@ -57,7 +57,7 @@ pub fn overlap(
     Ok([0, 1].map(|kind| sums[kind] / counts[kind]))
 }
 
-/// The overlap of what the network says.
+/// Returns the overlap of the network's predictions.
 pub fn predict_and_measure(
     data: &Dataset,
     network: &Network,
@@ -70,8 +70,8 @@ pub fn predict_and_measure(
     })
 }
 
-/// The mean of a data set: one body with the mean over its objects, as they are turned, of the
-/// radius in each direction, at the mean of their places and in the mean colour.
+/// Returns the mean body of a data set. In each direction, its radius is `scale` times the mean radius of the rotated
+/// objects. Its position and color are the means of theirs.
 pub fn mean_body(data: &Dataset, decoder: &Decoder, scale: f64, device: &Device) -> Bodies {
     let count = data.items.len() as f64;
     let place = data
@@ -96,15 +96,15 @@ pub fn mean_body(data: &Dataset, decoder: &Decoder, scale: f64, device: &Device)
     }
 }
 
-/// How far one gets without looking at the image: overlaps of the input views and of the others.
+/// Results without the image: overlaps of the input views and of the other views.
 #[derive(Clone, Copy, Debug)]
 pub struct Baselines {
-    /// Of the mean of the training set.
+    /// For the mean body of the training set.
     pub mean: [f64; 2],
-    /// The scale of that mean that overlaps most over a part of the training set, and its overlaps.
+    /// The scale of this mean with the largest overlap over a part of the training set, and its overlaps.
     pub scale: f64,
     pub scaled: [f64; 2],
-    /// Of the mean shape, told where each object stands.
+    /// For the scaled mean body at the true position of each object.
     pub placed: [f64; 2],
 }
 

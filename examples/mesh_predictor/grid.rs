@@ -1,4 +1,4 @@
-//! The picture at the end: inputs, predictions, and what both look like from elsewhere.
+//! The final figure: inputs, predictions, and both from other views.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use super::evaluate::Baselines;
 use super::network::{Bodies, Decoder};
 use super::render::{options, see};
 
-/// Objects shown.
+/// The number of objects in the figure.
 const ROWS: usize = 8;
 const SAMPLES: u32 = 64;
 

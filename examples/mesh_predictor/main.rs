@@ -1,7 +1,7 @@
-//! A network that sees one image of an object and says which body, where and of which colour it is: a
-//! ball whose vertices it moves, a pose and an albedo. It is trained by renders alone: what it says is
-//! rendered from where the image was taken and from one other place, and compared with the images
-//! there. Camera and light are known to the renders; the network sees nothing but the image.
+//! A network that predicts shape, pose and albedo of an object from one image. The shape is a ball whose vertices it
+//! moves. Renders are the only training signal: the prediction is rendered from the input camera and from one other
+//! camera, and compared with the images there. Renders use the true camera and light; the input of the network is the
+//! image alone.
 
 pub(crate) mod basis;
 #[path = "../common/mod.rs"]
@@ -29,14 +29,14 @@ use network::{Decoder, Network};
 use settings::Settings;
 use train::Trainer;
 
-/// How well the validation set's silhouettes are met, in the input views and in others.
+/// Overlaps of the validation set's silhouettes, in the input views and in the other views.
 #[derive(Clone, Copy, Debug)]
-#[allow(dead_code)] // what the tests look at
+#[allow(dead_code)] // only tests read the fields
 pub(crate) struct Outcome {
     pub baselines: Baselines,
     pub before: [f64; 2],
     pub after: [f64; 2],
-    /// After training, of as many objects of the training set.
+    /// After training, for the same number of objects of the training set.
     pub learned: [f64; 2],
 }
 

@@ -1,4 +1,4 @@
-//! From an image to a deformed ball, its pose and its colour.
+//! The network that maps an image to a deformed ball, its pose and its color.
 
 use burn::module::Module;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
@@ -11,13 +11,13 @@ use softray::prelude::{Mesh, Scene, Transform, shapes};
 use super::basis::{degrees, harmonics};
 use super::render::{Light, SIZE, scene};
 
-/// The radius of the ball that is deformed, scene units.
+/// The radius of the ball before deformation, in scene units.
 const RADIUS: f64 = 0.55;
-/// The most a body is moved along an axis, scene units: none leaves the image, where no gradient would
-/// bring it back.
+/// The largest translation of a body along an axis, in scene units. It keeps bodies inside the image, since no
+/// gradient would bring them back.
 const FARTHEST: f64 = 0.5;
 
-/// Convolutions with stride 2, a hidden layer, and a linear layer for each part of the answer.
+/// Convolutions with stride 2, a hidden layer, and a linear layer for each part of the output.
 #[derive(Module, Debug)]
 pub struct Network {
     convolutions: Vec<Conv2d>,
@@ -29,20 +29,20 @@ pub struct Network {
     colour: Linear,
 }
 
-/// What the network says of B images.
+/// The output of the network for B images.
 pub struct Code {
     /// Coefficients of the vertices' offsets `[B, 3, K]`.
     pub offsets: Tensor<3>,
     /// The first two columns of rotations `[B, 6]`.
     pub rotation: Tensor<2>,
-    /// `[B, 3]`, scene units.
+    /// `[B, 3]`, in scene units.
     pub translation: Tensor<2>,
     /// Albedo `[B, 3]`.
     pub colour: Tensor<2>,
 }
 
 impl Network {
-    /// With so many channels after each halving of the image, for offsets by harmonics up to a degree.
+    /// Creates a network with `channels` after each halving of the image, for offsets by harmonics up to `degree`.
     pub fn new(channels: &[usize], hidden: usize, degree: usize, device: &Device) -> Self {
         let inputs = std::iter::once(3).chain(channels.iter().copied());
         let convolution = |(input, &output): (usize, &usize)| {
@@ -66,10 +66,10 @@ impl Network {
         }
     }
 
-    /// Of images `[B, H, W, 3]` in linear radiance.
+    /// Applies the network to images `[B, H, W, 3]` in linear radiance.
     pub fn forward(&self, images: Tensor<4>) -> Code {
         let count = images.dims()[0];
-        // About zero, with a spread of about one.
+        // Centered at about 0, with a spread of about 1.
         let mut x = (images.permute([0, 3, 1, 2]) - 0.4) * 4.0;
         for (convolution, norm) in self.convolutions.iter().zip(&self.norms) {
             x = relu(norm.forward(convolution.forward(x)));
@@ -88,32 +88,32 @@ impl Network {
     }
 }
 
-/// Vertices from codes: a ball whose vertices are moved by sums of spherical harmonics, which is
-/// rotated and moved as a whole.
+/// Computes vertices from codes: sums of spherical harmonics offset the vertices of a ball, which is then rotated and
+/// translated.
 ///
-/// Images determine the body where it stands, not how it is split: harmonics of degree 1 are linear
+/// Images determine the resulting body, but not its split into offsets and rotation: harmonics of degree 1 are linear
 /// maps, so a rotation can be part of either.
 #[derive(Clone)]
 pub struct Decoder {
-    /// Of radius [`RADIUS`].
+    /// The ball of radius [`RADIUS`].
     pub ball: Mesh,
-    /// Directions of its vertices.
+    /// The directions of its vertices.
     pub directions: Vec<DVec3>,
-    /// Functions at the vertices `[K, V]`, fainter by degree: what is finer is learned later.
+    /// The functions at the vertices `[K, V]`, smaller at higher degrees, so that finer details are learned later.
     basis: Tensor<2>,
 }
 
-/// Bodies as they are rendered.
+/// Bodies to render.
 #[derive(Clone)]
 pub struct Bodies {
-    /// `[B, V, 3]`, scene units.
+    /// `[B, V, 3]`, in scene units.
     pub vertices: Tensor<3>,
     /// Albedo `[B, 3]`.
     pub colour: Tensor<2>,
 }
 
 impl Decoder {
-    /// For an icosphere of so many subdivisions and harmonics up to a degree.
+    /// Creates a decoder for an icosphere with `subdivisions` subdivisions and harmonics up to `degree`.
     pub fn new(subdivisions: u32, degree: usize, device: &Device) -> softray::Result<Self> {
         let sphere = shapes::icosphere(subdivisions, device);
         let directions = sphere.host_vertices()?.into_iter();
@@ -135,7 +135,7 @@ impl Decoder {
         })
     }
 
-    /// The bodies that codes stand for.
+    /// Returns the bodies of codes.
     pub fn bodies(&self, code: Code) -> Bodies {
         let [count, _, functions] = code.offsets.dims();
         let vertices = self.directions.len();
@@ -155,7 +155,7 @@ impl Decoder {
         }
     }
 
-    /// The `i`-th of some bodies under a light.
+    /// Returns the scene of the `i`-th body under a light.
     pub fn scene(&self, bodies: &Bodies, i: usize, light: &Light) -> Scene {
         let vertices = bodies.vertices.clone().slice([i..i + 1]).squeeze_dim(0);
         let mesh = self.ball.clone().with_vertices(vertices);
@@ -163,7 +163,7 @@ impl Decoder {
     }
 }
 
-/// A row `[C]` of `[B, C]`.
+/// Returns row `i`, `[C]`, of a table `[B, C]`.
 pub fn row(table: &Tensor<2>, i: usize) -> Tensor<1> {
     table.clone().slice([i..i + 1]).squeeze_dim(0)
 }

@@ -1,20 +1,20 @@
-//! Many renders at once, and what is in them.
+//! The scenes of the example, and renders of batches.
 
 use softray::prelude::*;
 
 /// Rows and columns of an image.
 pub const SIZE: usize = 64;
-/// From the eye to the origin, which it looks at, scene units.
+/// The distance of the camera from the origin, which it looks at, in scene units.
 const DISTANCE: f64 = 4.2;
 const FOV: f64 = 29.0;
 
-/// The angle of a pixel, radians.
+/// Returns the angle of a pixel in radians.
 pub fn pixel() -> f64 {
     (2.0 * (0.5 * FOV.to_radians()).tan() / SIZE as f64).atan()
 }
 
-/// What a camera looks from: angles about the y axis, from z towards x, and above the horizon,
-/// radians.
+/// The direction of a camera or lamp from the origin, in radians: the angle about the y axis, from z towards x, and
+/// the angle above the horizon.
 #[derive(Clone, Copy, Debug)]
 pub struct Eye {
     pub azimuth: f64,
@@ -22,7 +22,7 @@ pub struct Eye {
 }
 
 impl Eye {
-    /// Where all input images are taken from.
+    /// The camera of all input images.
     pub const INPUT: Self = Self {
         azimuth: 0.0,
         elevation: 0.25,
@@ -39,8 +39,8 @@ fn on_sphere(eye: Eye, radius: f64) -> [f64; 3] {
     [radius * cos * x, radius * sin, radius * cos * z]
 }
 
-/// Light as it is known to both renders, that of the data and that of the prediction: a square lamp
-/// above, out of all cameras' view, and a constant environment.
+/// The light for renders of both the data and the predictions: a square lamp above, outside all cameras' views, and a
+/// constant environment.
 #[derive(Clone, Copy, Debug)]
 pub struct Light {
     pub place: Eye,
@@ -57,7 +57,7 @@ impl Light {
         let centre = glam::DVec3::from(on_sphere(self.place, LAMP_DISTANCE));
         let right = glam::DVec3::Y.cross(centre).normalize();
         let up = centre.normalize().cross(right);
-        // Counter-clockwise seen from the origin.
+        // Counter-clockwise as viewed from the origin.
         let corner = |x: f64, y: f64| (centre + HALF_LAMP * (x * right + y * up)).to_array();
         let [a, b, c, d] =
             [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)].map(|(x, y)| corner(x, y));
@@ -68,7 +68,7 @@ impl Light {
 /// The name of the body in its scene.
 pub const BODY: &str = "body";
 
-/// A body under a light.
+/// Returns the scene of a body under a light.
 pub fn scene(body: Mesh, colour: impl Into<softray::scene::ColorTexture>, light: &Light) -> Scene {
     let device = body.vertices.device().inner();
     Scene::new()
@@ -81,12 +81,12 @@ pub fn scene(body: Mesh, colour: impl Into<softray::scene::ColorTexture>, light:
         .environment(light.environment)
 }
 
-/// Of direct light alone, from so many paths a pixel.
+/// Returns options for direct light only, with `samples` paths per pixel.
 pub fn options(samples: u32) -> RenderOptions {
     RenderOptions::new(SIZE, SIZE).bounces(0).samples(samples)
 }
 
-/// What was seen of many scenes.
+/// The images of a batch.
 #[derive(Clone)]
 pub struct Seen {
     /// `[N, H, W, 3]`.

@@ -1,4 +1,4 @@
-//! How large everything is.
+//! Sizes of data, network and training.
 
 use softray::optim::BlurSchedule;
 
@@ -7,32 +7,32 @@ use super::render::pixel;
 /// Sizes of data, network and training.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Objects to learn from, and others to validate with.
+    /// The numbers of training and validation objects.
     pub train: usize,
     pub validation: usize,
-    /// Images of each object; the first is what the network may see.
+    /// Images per object. The first is the input of the network.
     pub views: usize,
-    /// Subdivisions of the ball: of that which is trained, and of that which is measured and shown.
-    /// Offsets are functions on the sphere, so that one network serves both; the coarse one is rendered
-    /// in a fraction of the time, as blur reaches fewer of its faces.
+    /// Subdivisions of the ball for training, and for measurements and figures. Offsets are functions on the sphere,
+    /// so one network serves both. The coarse ball renders in a fraction of the time, since blur reaches fewer of its
+    /// faces.
     pub subdivisions: [u32; 2],
-    /// The highest degree of the offsets.
+    /// The highest degree of the harmonics of the offsets.
     pub degree: usize,
-    /// Channels after each halving of the image, and of the hidden layer.
+    /// Channels after each halving of the image, and features of the hidden layer.
     pub channels: Vec<usize>,
     pub hidden: usize,
     pub steps: usize,
-    /// Objects of a step, each rendered from two views, twice.
+    /// Objects per step. Each is rendered twice from two views.
     pub batch: usize,
-    /// Paths a pixel of each render.
+    /// Paths per pixel of each render.
     pub samples: u32,
     pub rate: f64,
-    /// Evaluations by the validation set during training.
+    /// Evaluations on the validation set during training.
     pub evaluations: usize,
 }
 
 impl Settings {
-    /// Under a minute on two cores.
+    /// Takes under a minute on two cores.
     pub fn quick() -> Self {
         Self {
             train: 80,
@@ -50,7 +50,7 @@ impl Settings {
         }
     }
 
-    /// A few seconds, for tests.
+    /// Takes a few seconds, for tests.
     #[cfg(test)]
     pub fn tiny() -> Self {
         Self {
@@ -67,7 +67,7 @@ impl Settings {
         }
     }
 
-    /// About half an hour on two cores that have nothing else to do.
+    /// Takes about half an hour on two idle cores.
     pub fn full() -> Self {
         Self {
             train: 3072,
@@ -85,7 +85,7 @@ impl Settings {
         }
     }
 
-    /// Cones of 4 pixels at first, and of half a pixel after half of the steps.
+    /// Returns a schedule with cones of 4 pixels at first, and of half a pixel after half of the steps.
     pub fn blur(&self) -> softray::Result<BlurSchedule> {
         BlurSchedule::decay(4.0 * pixel(), 0.5 * pixel(), (self.steps / 2).max(1))
     }

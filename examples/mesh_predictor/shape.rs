@@ -1,4 +1,4 @@
-//! What the network is to learn: superquadrics and shapes from a lathe.
+//! The shapes of the data set: superquadrics and lathe shapes.
 
 use std::f64::consts::{PI, TAU};
 
@@ -6,10 +6,10 @@ use glam::{DVec2, DVec3};
 
 use super::numbers::Numbers;
 
-/// Rings between the poles, and vertices of a ring.
+/// The number of rings between the poles, and of vertices per ring.
 const RINGS: usize = 31;
 const AROUND: usize = 48;
-/// Radii that a lathe's profile goes through.
+/// The number of radii that a lathe's profile interpolates.
 const KNOTS: usize = 5;
 
 /// A closed surface about the origin, y up: the spherical product of a meridian and a section (Barr
@@ -25,7 +25,7 @@ pub enum Shape {
         /// s.
         section: f64,
     },
-    /// A profile turned about the y axis.
+    /// A profile rotated about the y axis.
     Lathe {
         /// (radius, y) from the bottom to the top, both ends on the axis.
         profile: Vec<DVec2>,
@@ -33,7 +33,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// One of either kind.
+    /// Returns a random shape of either kind.
     pub fn random(numbers: &mut Numbers) -> Self {
         if numbers.uniform(0.0, 1.0) < 0.5 {
             Self::Superquadric {
@@ -49,7 +49,7 @@ impl Shape {
         }
     }
 
-    /// Vertices, and faces counter-clockwise seen from outside.
+    /// Returns vertices, and faces that are counter-clockwise from outside.
     pub fn mesh(&self) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         let (meridian, section) = self.curves();
         let inner = &meridian[1..meridian.len() - 1];
@@ -77,7 +77,7 @@ impl Shape {
         (vertices, faces)
     }
 
-    /// The meridian (radius, y) from pole to pole, and the section (x, z) of radius 1.
+    /// Returns the meridian (radius, y) from pole to pole, and the section (x, z) at radius 1.
     fn curves(&self) -> (Vec<DVec2>, Vec<DVec2>) {
         let angle = |j: usize| TAU * j as f64 / AROUND as f64;
         match self {
@@ -104,14 +104,14 @@ impl Shape {
             }
             Self::Lathe { profile } => {
                 let around = |j: usize| DVec2::from(angle(j).sin_cos());
-                // From z to x, so turned about for the same sense as above.
+                // These run from z to x, so they are reversed for the same direction as above.
                 let section = (0..AROUND).rev().map(around).collect();
                 (profile.clone(), section)
             }
         }
     }
 
-    /// How far the surface reaches from the origin in a direction of length 1, at most.
+    /// Returns the largest distance of the surface from the origin in a direction of length 1.
     pub fn radius(&self, direction: DVec3) -> f64 {
         match self {
             Self::Superquadric {
@@ -140,7 +140,7 @@ impl Shape {
     }
 }
 
-/// |x|^exponent with the sign of x; what should be 0 but for rounding is.
+/// Returns |x|^exponent with the sign of x. Values of x that differ from 0 by rounding give 0.
 fn power(x: f64, exponent: f64) -> f64 {
     if x.abs() < 1e-12 {
         0.0
@@ -149,10 +149,10 @@ fn power(x: f64, exponent: f64) -> f64 {
     }
 }
 
-/// A smooth profile of a half-height through radii at even heights, rounded at both ends.
+/// Returns a smooth profile through radii at even heights, rounded at both ends. `height` is half its height.
 fn turned(height: f64, knots: [f64; KNOTS]) -> Vec<DVec2> {
     let point = |i: usize| {
-        // Closer at the ends, where it bends most.
+        // Points are denser at the ends, where the profile bends most.
         let t = -(PI * i as f64 / (RINGS + 1) as f64).cos();
         let place = 0.5 * (t + 1.0) * (KNOTS - 1) as f64;
         let k = (place as usize).min(KNOTS - 2);
@@ -178,7 +178,7 @@ mod tests {
         shapes
     }
 
-    /// Closed, and of the volume inside of the radii, which are found in another way.
+    /// Meshes are closed, and their volume matches the volume inside the radii, which are computed independently.
     #[test]
     fn meshes_are_closed_and_as_large_as_their_radii_say() {
         for shape in shapes() {
@@ -195,7 +195,7 @@ mod tests {
                 a.dot(b.cross(c))
             };
             let volume: f64 = faces.iter().map(six).sum::<f64>() / 6.0;
-            // ∫ r³/3 over directions; outer radii of shapes with a neck enclose more.
+            // ∫ r³/3 over directions. For shapes with a neck, the outer radii enclose more.
             const STEPS: usize = 200;
             let mut sum = 0.0;
             for i in 0..STEPS {

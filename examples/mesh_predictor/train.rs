@@ -1,4 +1,4 @@
-//! The loss of a step: how far renders of what the network says are from the images.
+//! The loss of a step: the difference between renders of the predictions and the images.
 
 use std::time::Instant;
 
@@ -12,28 +12,28 @@ use super::numbers::Numbers;
 use super::render::{BODY, options, scene, see};
 use super::settings::Settings;
 
-/// Weights of the parts of the loss; silhouettes count 1.
+/// Weights of the parts of the loss. The weight of silhouettes is 1.
 const IMAGE: f64 = 20.0;
 const NORMALS: f64 = 0.1;
 
-/// Names of the history's times of the forward pass, s.
+/// Names of the forward pass's times in the history, in seconds.
 pub const NETWORK_SECONDS: &str = "network s";
 pub const RENDER_SECONDS: &str = "render s";
 
-/// What training needs beside the network.
+/// The inputs of training besides the network.
 pub struct Trainer<'a> {
     pub settings: &'a Settings,
     pub data: &'a Dataset,
     pub validation: &'a Dataset,
     pub decoder: &'a Decoder,
-    /// What the validation set is met with.
+    /// The decoder for the validation set.
     pub measured: &'a Decoder,
     pub regular: MeshRegulariser,
-    /// Without autodiff.
+    /// A device without autodiff.
     pub device: Device,
 }
 
-/// The objects of a step: (item, eye) of what the network sees, and of all that is compared.
+/// The objects of a step: (item, eye) of the network's inputs, and of all views that are compared.
 pub struct Objects {
     inputs: Vec<(usize, usize)>,
     compared: Vec<(usize, usize)>,
@@ -53,7 +53,7 @@ impl Parts {
 }
 
 impl Trainer<'_> {
-    /// Objects and views by the seed of the step.
+    /// Chooses objects and views by the seed of the step.
     pub fn batch(&self, step: &Step) -> Objects {
         let n = &mut Numbers::new(step.seed(0), 1);
         let items = self.data.items.len();
@@ -68,15 +68,15 @@ impl Trainer<'_> {
         Objects { inputs, compared }
     }
 
-    /// What the network says of a batch.
+    /// Returns the network's predictions for a batch.
     pub fn predict(&self, network: &Network, batch: &Objects) -> Bodies {
         let device = self.device.clone().autodiff();
         let images = self.data.images(&batch.inputs, &device).radiance;
         self.decoder.bodies(network.forward(images))
     }
 
-    /// What is lost by bodies, from two renders of each view with noise of their own, so that the
-    /// noise of one does not meet itself.
+    /// Returns the loss of bodies. Each view is rendered twice with independent noise, so that the variance of the
+    /// noise does not bias the loss.
     pub fn compare(&self, bodies: &Bodies, batch: &Objects, step: &Step) -> softray::Result<Parts> {
         let template = |(k, &(item, _)): (usize, &(usize, usize))| {
             let light = &self.data.items[item].light;
@@ -101,7 +101,7 @@ impl Trainer<'_> {
         })
     }
 
-    /// The loss of a step, and now and then how the network does on the validation set.
+    /// Returns the loss of a step and, in some steps, the overlap on the validation set.
     pub fn evaluate(&self, network: &Network, step: &Step) -> softray::Result<Evaluation> {
         let batch = self.batch(step);
         let start = Instant::now();
@@ -134,7 +134,7 @@ mod tests {
     use burn::optim::{GradientsParams, ModuleOptimizer, SgdConfig};
     use softray::optim::Fit;
 
-    /// The squared length of each gradient, by the path of its parameter.
+    /// The squared length of each gradient, with the path of its parameter.
     struct Sizes<'a> {
         gradients: &'a GradientsParams,
         path: Vec<String>,
@@ -158,12 +158,11 @@ mod tests {
         }
     }
 
-    /// Every parameter of the network moves the renders, and along the gradient the loss of the same
-    /// step changes as the gradient says, but for the surfaces of blurred edges, of which other ones
-    /// are drawn then.
+    /// Every parameter of the network changes the renders. Along the gradient, the loss of the same step changes as
+    /// the gradient predicts, except at blurred edges, where the step samples other surfaces.
     #[test]
     fn gradients_reach_the_whole_network_through_the_renderer() {
-        // The square of a noisy gradient is too large by its variance.
+        // The variance of a noisy gradient adds to its square.
         let settings = Settings {
             samples: 16,
             ..Settings::tiny()
@@ -189,7 +188,7 @@ mod tests {
             let bodies = trainer.predict(network, &batch);
             Ok(trainer.compare(&bodies, &batch, step)?.sum())
         };
-        // Renders of the same seed repeat to the bit, and so do gradients.
+        // With the same seed, renders and gradients are identical to the bit.
         let gradients = |network: &Network, step: &Step| -> softray::Result<GradientsParams> {
             let gradients = loss(network, step)?.backward();
             Ok(GradientsParams::from_grads(gradients, network))

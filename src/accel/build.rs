@@ -1,4 +1,4 @@
-//! The binary tree over boxes of triangles, built in a time that is about linear however they lie.
+//! The binary tree over boxes of triangles. Its build time is about linear, however the boxes lie.
 
 use std::collections::HashMap;
 
@@ -13,10 +13,10 @@ use obvhs::{Boundable, BvhBuildParams};
 use super::simd::LANES;
 use super::triangle::HostTriangle;
 
-/// Boxes lie on top of each other where a ray through a node's box meets so many of them.
+/// Boxes count as crowded where a ray through a node's box meets this many of them.
 const CROWD: f32 = 1024.0;
 
-/// Of triangles that are the same, so many stay.
+/// The number of triangles that stay in the tree out of any number of identical ones.
 const COPIES: u32 = 16;
 
 const PARAMETERS: BvhBuildParams = BvhBuildParams {
@@ -24,7 +24,7 @@ const PARAMETERS: BvhBuildParams = BvhBuildParams {
     ..BvhBuildParams::medium_build()
 };
 
-/// Which triangles may be left out where others are the same; None where all count.
+/// Returns whether a triangle may be left out if others are identical to it. `None` keeps all.
 pub(crate) type Spare<'a> = Option<&'a (dyn Fn(usize) -> bool + Sync)>;
 
 struct Swept(Aabb);
@@ -35,8 +35,8 @@ impl Boundable for Swept {
     }
 }
 
-/// A tree over triangles, and whether all of them are in it. Of very many that are the same, and may be left out, the
-/// first ones are: a ray would have to look at each.
+/// Returns a tree over triangles, and whether it contains all of them. If the boxes are crowded, the first [`COPIES`]
+/// of identical triangles stay, and the others are left out if they may be: a ray would have to test each.
 pub(super) fn tree(triangles: &[HostTriangle], spare: Spare) -> (Bvh2, bool) {
     let boxes: Vec<Swept> = triangles.iter().enumerate().map(apart).collect();
     let tree = cluster(&boxes);
@@ -44,7 +44,7 @@ pub(super) fn tree(triangles: &[HostTriangle], spare: Spare) -> (Bvh2, bool) {
         return (optimised(tree), true);
     }
     let Some(kept) = spare.and_then(|spare| without_copies(triangles, spare)) else {
-        // The search for better places of nodes would look at all of these from each.
+        // The optimization would compare each of these boxes with all of them.
         return (collapsed(tree), true);
     };
     let boxes: Vec<Swept> = (kept.iter())
@@ -80,7 +80,7 @@ fn collapsed(mut tree: Bvh2) -> Bvh2 {
     tree
 }
 
-/// As `obvhs::bvh2::builder::build_bvh2` does it.
+/// The same steps as `obvhs::bvh2::builder::build_bvh2`.
 fn optimised(mut tree: Bvh2) -> Bvh2 {
     let ratio = PARAMETERS.reinsertion_batch_ratio;
     let after = ratio * PARAMETERS.post_collapse_reinsertion_batch_ratio_multiplier;
@@ -91,12 +91,13 @@ fn optimised(mut tree: Bvh2) -> Bvh2 {
     tree
 }
 
-/// Whether boxes lie on top of each other anywhere: a ray through a box meets others in it by their share of its area.
+/// Returns whether boxes lie on top of each other anywhere. A ray through a box meets a box inside it with a
+/// probability that is the ratio of their areas.
 fn is_crowded(tree: &Bvh2) -> bool {
     if (tree.primitive_indices.len() as f32) < CROWD {
         return false;
     }
-    // Σ half areas of the boxes of triangles in each node.
+    // Σ half areas of the boxes of the triangles below each node.
     let mut sums = vec![0.0f32; tree.nodes.len()];
     let mut stack = vec![(0usize, false)];
     while let Some((i, ready)) = stack.pop() {
@@ -119,7 +120,8 @@ fn is_crowded(tree: &Bvh2) -> bool {
     false
 }
 
-/// The triangles that are left when of those that are the same, and may be left out, some stay; None if all are.
+/// Returns the triangles that remain when copies that may be left out are removed, except the first [`COPIES`]. Returns
+/// `None` if all remain.
 fn without_copies(triangles: &[HostTriangle], spare: impl Fn(usize) -> bool) -> Option<Vec<u32>> {
     let mut counts: HashMap<[u64; 12], u32> = HashMap::new();
     let stays = |&k: &u32| {
@@ -128,7 +130,7 @@ fn without_copies(triangles: &[HostTriangle], spare: impl Fn(usize) -> bool) -> 
             return true;
         }
         let corners = t.corners.map(|c| c.to_array().map(f64::to_bits));
-        // Whichever corner is the first; the winding says where the front is.
+        // The key does not depend on which corner comes first. The winding matters, because it defines the front.
         let least = (0..3).min_by_key(|&i| corners[i]).unwrap_or(0);
         let velocity = t.velocity.to_array().map(f64::to_bits);
         let rows = [
@@ -146,8 +148,8 @@ fn without_copies(triangles: &[HostTriangle], spare: impl Fn(usize) -> bool) -> 
     (kept.len() < triangles.len()).then_some(kept)
 }
 
-/// The box of a triangle, grown by next to nothing, each side by an amount of its own: among boxes that are
-/// the same the builder would join one pair a round.
+/// Returns the box of a triangle, enlarged by tiny and different amounts on all sides. Among identical boxes, the
+/// builder would join one pair per round.
 fn apart((i, t): (usize, &HostTriangle)) -> Swept {
     let own = t.swept();
     let size = own.min.abs().max(own.max.abs()).max_element();
@@ -177,7 +179,7 @@ mod tests {
         HostTriangle::new([at, at + DVec3::X, at + DVec3::Y], DVec3::ZERO, true)
     }
 
-    /// The triangles of a tree's leaves, sorted.
+    /// Returns the triangles of a tree's leaves, sorted.
     fn found(tree: &Bvh2) -> Vec<u32> {
         let leaves = tree.nodes.iter().filter(|n| n.is_leaf());
         let of_leaf = |n: &obvhs::bvh2::node::Bvh2Node| {
@@ -196,18 +198,18 @@ mod tests {
             .clone()
             .chain((0..5000).map(|_| triangle(3.0, 4.0)))
             .collect();
-        // Every second one may not.
+        // Every second one must stay.
         let spare = |k: usize| k.is_multiple_of(2);
         let (kept, complete) = tree(&all, Some(&spare));
         assert!(!complete);
-        // Of those at one place the one of the grid is the first.
+        // Of the triangles at one place, the one of the grid is the first.
         let copies = (0..all.len() as u32).filter(|&k| k >= 900 || k == 4 * 30 + 3);
         let (free, bound): (Vec<u32>, Vec<u32>) = copies.partition(|&k| spare(k as usize));
         let mut wanted: Vec<u32> = (0..900).filter(|&k| k != 4 * 30 + 3).collect();
         wanted.extend(free.into_iter().take(COPIES as usize).chain(bound));
         wanted.sort_unstable();
         assert!(found(&kept) == wanted, "{}", found(&kept).len());
-        // Without leave all stay, and so do all of what lies side by side.
+        // All stay without `spare`, and so do triangles that lie side by side.
         let (whole, complete) = tree(&all, None);
         assert!(complete && found(&whole).len() == all.len());
         let side: Vec<HostTriangle> = (0..5000).map(|i| triangle(f64::from(i), 0.0)).collect();

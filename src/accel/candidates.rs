@@ -1,5 +1,5 @@
-//! The triangles that may matter to a ray of the softmax: those that it passes within the reach of the blur. They
-//! are found in f32, eight at once, with a margin for the rounding: there may be too many, but none is missing.
+//! The triangles that may matter to a ray of the softmax: those that it passes within the reach of the blur. They are
+//! computed in f32, eight at once, with a margin for rounding. So there may be too many, but none is missing.
 
 use glam::DVec3;
 use pulp::Arch;
@@ -11,15 +11,15 @@ use super::wide::{Node, Planes8, Ray8, Visitor, Wide};
 /// Which hits of a ray matter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reach {
-    /// Hits count from a distance on, up to a limit.
+    /// Hits count from the first distance up to the second.
     pub range: (f64, f64),
-    /// The distance from a triangle up to which a hit of its plane may matter.
+    /// The largest distance from a triangle at which a hit of its plane may matter.
     pub most: f64,
-    /// A hit counts as farther away by this times the squared distance between it and its triangle; 0 where
-    /// depth does not matter.
+    /// A hit counts as farther away by this factor times the squared distance between it and its triangle. It is 0
+    /// where depth does not matter.
     pub penalty: f64,
-    /// A hit that lies deeper inside of its triangle than this, and not before `begun`, hides all that counts as
-    /// farther away than itself plus `behind`.
+    /// A hit that lies deeper inside its triangle than `deep`, and not before `begun`, hides everything that counts as
+    /// farther away than the hit's distance plus `behind`.
     pub deep: f64,
     pub begun: f64,
     pub behind: f64,
@@ -29,21 +29,21 @@ pub(crate) struct Reach {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Counts {
     Not,
-    /// It may count, but hides nothing for certain.
+    /// It may count, but may not hide anything.
     Perhaps,
     Fully,
 }
 
-/// A triangle that may matter, and the least distance that its hit counts as.
+/// A triangle that may matter, and a lower bound of the distance at which its hit counts.
 type Candidate = (u32, f64);
 
-/// Hits close to a ray's origin are rounded by this share of [`Search::rounding`].
+/// Near a ray's origin, the rounding of hits is this fraction of [`Search::rounding`].
 const NEAR: f32 = 0.4;
 
 impl Hierarchy {
-    /// The triangles that may matter to a ray (origin, direction, time in the shutter), in any order. `counts` says of
-    /// a triangle, with the cosine that the ray meets it at, how it does. None if everything is hidden from the ray's
-    /// beginning on (`behind` is −∞).
+    /// Returns the triangles that may matter to a ray (origin, direction, shutter time), in any order. `counts` returns
+    /// how a triangle counts, given the cosine at which the ray meets it. Returns `None` if everything is hidden from
+    /// the ray's start on (`behind` is −∞).
     pub(crate) fn candidates(
         &self,
         arch: Arch,
@@ -82,7 +82,7 @@ impl<F: Fn(u32, f32) -> Counts> Task for Candidates<'_, F> {
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) -> (Vec<Candidate>, f64) {
         let (wide, reach, (origin, direction, time)) = (self.wide, self.reach, self.ray);
-        // A distant origin would round by more than triangles are large: it begins near them.
+        // For a distant origin, rounding would be larger than triangles, so the ray starts near them.
         let skipped = (-origin.dot(direction) - 2.0 * wide.extent - reach.most).max(0.0);
         let origin = origin + direction * skipped;
         let size = wide.extent + origin.abs().element_sum();
@@ -104,12 +104,12 @@ impl<F: Fn(u32, f32) -> Counts> Task for Candidates<'_, F> {
     }
 }
 
-/// What a ray has found so far on its way through the tree.
+/// The triangles found so far while a ray traverses the tree.
 struct Search<'a, M: Machine, F> {
     machine: M,
     wide: &'a Wide,
     eight: Ray8<M>,
-    /// How far from the ray's origin that of `eight` is.
+    /// The distance from the ray's origin to that of `eight`.
     skipped: f64,
     rounding: f32,
     reach: Reach,
@@ -128,7 +128,7 @@ impl<M: Machine, F: Fn(u32, f32) -> Counts> Visitor for Search<'_, M, F> {
     fn enter(&self, node: &Node, near: f32) -> (u32, Lanes) {
         let Reach { most, penalty, .. } = self.reach;
         let margin = 1e-6 * self.wide.extent;
-        // What is met no earlier than this can't be passed as far beside it.
+        // A hit that is no nearer than this reaches the limit at a smaller distance from its triangle.
         let left = self.limit - self.skipped - f64::from(near.max(0.0)) + margin;
         let within = match penalty > 0.0 {
             true => most.min((left.max(0.0) / penalty).sqrt()),
@@ -148,7 +148,7 @@ impl<M: Machine, F: Fn(u32, f32) -> Counts> Visitor for Search<'_, M, F> {
         let rounding = number(1.0).div(cosine).abs().mul_add(rounding, rounding);
         let beside = (least + rounding).min(zero);
         let counted = (beside * number(reach.penalty as f32)).mul_add(beside, t - rounding);
-        // What is not a number is kept, and first.
+        // NaN is kept, as the nearest.
         let counted = counted.max(number(f32::MIN));
         let begun =
             number(NEAR).mul_add(rounding, t) - number((reach.range.0 - self.skipped) as f32);
@@ -158,7 +158,7 @@ impl<M: Machine, F: Fn(u32, f32) -> Counts> Visitor for Search<'_, M, F> {
         if mask == 0 {
             return true;
         }
-        // Certain hits.
+        // Hits that are certain despite rounding.
         let inside = number(reach.deep as f32).less(least - rounding);
         let after = number((reach.begun - self.skipped) as f32).less(t - rounding);
         let before = (t + rounding).less(number(self.limit()));
@@ -189,8 +189,8 @@ mod tests {
     use crate::accel::HostTriangle;
     use crate::scene::shapes;
 
-    /// Every triangle that a ray hits is a candidate, however far away it starts: boxes are in f32, and a
-    /// distant origin rounds by more than a face is large.
+    /// Every triangle that a ray hits is a candidate, however far away the ray starts. Boxes are in f32, and for a
+    /// distant origin rounding is larger than a face.
     #[test]
     fn what_distant_rays_hit_is_found() {
         let mesh = shapes::icosphere(5, &burn::tensor::Device::flex());

@@ -1,7 +1,8 @@
-//! Trees whose nodes have eight branches: how what they are of is divided, and how the numbers of branches lie in lists.
+//! Trees whose nodes have eight branches: how items are divided among them, and how the numbers of branches are stored
+//! in lists.
 //!
-//! A list holds blocks of eight branches: eight of their first number, eight of their second, and so on. So a loop over
-//! branches that is compiled for a CPU takes all at once.
+//! A list holds blocks of eight branches: the first number of all eight, then the second number of all eight, and so
+//! on. So a CPU executes a loop over branches with vector instructions.
 
 use std::ops::Range;
 
@@ -12,14 +13,14 @@ use super::LANES;
 use crate::cube::*;
 use crate::model::{V3, v3};
 
-/// A number of a branch in a block.
+/// Returns a number of a branch in a block.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn number(block: &[f32], k: usize, branch: usize) -> f32 {
     block[LANES * k + branch]
 }
 
-/// Three numbers of a branch, from one on.
+/// Returns three numbers of a branch, from number `k` on.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn vector(block: &[f32], k: usize, branch: usize) -> V3 {
@@ -37,7 +38,7 @@ pub(crate) fn set<const N: usize>(block: &mut [f32], branch: usize, numbers: [f3
     }
 }
 
-/// Eight weights are kept as their bits, in a room of words.
+/// Returns one of eight weights, which are stored as bits in words.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn weight(weights: &[u32], i: usize) -> f32 {
@@ -54,22 +55,22 @@ pub(crate) fn sum_of(weights: &[u32]) -> f32 {
     (a + b) + (c + d)
 }
 
-/// What a tree is built of, and how it is divided.
+/// The rule by which the items of a tree are divided.
 pub(crate) trait Divide<T>: Sync {
     fn is_leaf(&self, list: &[T]) -> bool;
 
-    /// Of some parts the one that costs the most is divided next.
+    /// Returns the cost of a part. The part with the largest cost is divided next.
     fn cost(&self, list: &[T]) -> f32;
 
-    /// Parts of so many are not divided further among the branches of a list's node.
+    /// Returns the number of items up to which parts are not divided further among the branches of the list's node.
     fn enough(&self, _list: &[T]) -> usize {
         1
     }
 
-    /// Divides a list of more than enough in two.
+    /// Divides a list of more than `enough` items in two.
     fn split<'a>(&self, list: &'a mut [T], enough: usize) -> [&'a mut [T]; 2];
 
-    /// Divides a part of a list, which begins at a place of that, into up to eight.
+    /// Divides a part of a list, which begins at the index `first` of the list, into up to eight.
     fn parts<'a>(&self, first: usize, list: &'a mut [T]) -> Vec<(usize, &'a mut [T])> {
         let enough = self.enough(list);
         let (mut costs, mut parts) = (vec![self.cost(list)], vec![(first, list)]);
@@ -89,22 +90,23 @@ pub(crate) trait Divide<T>: Sync {
     }
 }
 
-/// No child.
+/// Marks a missing child.
 pub(crate) const NONE: u32 = u32::MAX;
-/// The least number of items whose parts are divided on several threads.
+/// The smallest number of items whose parts are divided on several threads.
 const MANY: usize = 2048;
 
-/// How a list is divided.
+/// The nodes and leaves of a divided list.
 #[derive(Clone, Default)]
 pub(crate) struct Shape {
-    /// The children of each node, which come after it: twice the index of a node, or of a leaf plus one, or [`NONE`].
+    /// The children of each node, which come after it: 2 × the index of a node, 2 × the index of a leaf + 1, or
+    /// [`NONE`].
     pub nodes: Vec<[u32; LANES]>,
-    /// The items of each leaf, as places in the list.
+    /// The items of each leaf, as indices in the list.
     pub leaves: Vec<Range<usize>>,
 }
 
 impl Shape {
-    /// Divides a part of a list, which begins at a place of that, and puts it in order.
+    /// Divides a part of a list, which begins at the index `first` of the list, and sorts it by leaves.
     pub fn of<T: Send>(first: usize, list: &mut [T], by: &impl Divide<T>) -> Self {
         if list.len() < MANY {
             let mut shape = Self::default();
@@ -116,7 +118,7 @@ impl Shape {
         Self::join(parts)
     }
 
-    /// Up to eight under one node, which is the first; their lists follow each other.
+    /// Joins up to eight shapes below one node, which becomes the first. Their lists are contiguous.
     pub fn join(parts: impl IntoIterator<Item = Self>) -> Self {
         let mut shape = Self::default();
         shape.nodes.push([NONE; LANES]);

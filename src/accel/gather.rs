@@ -1,4 +1,4 @@
-//! The tree of eight boxes a node, gathered from a binary tree, and fitted to triangles that moved.
+//! The tree with eight boxes per node: made from a binary tree, and refitted to triangles that moved.
 
 use glam::DVec3;
 use obvhs::aabb::Aabb;
@@ -47,7 +47,7 @@ impl Wide {
         2 * (self.leaves.len() as u32 - 1) + 1
     }
 
-    /// Fits it to triangles that moved.
+    /// Refits the tree to triangles that moved.
     pub fn fit(&mut self, triangles: &[HostTriangle], extent: f64) {
         let of_leaves = self.leaves.par_iter_mut().zip(&mut self.boxes);
         of_leaves.for_each(|(leaf, boxes)| {
@@ -77,7 +77,7 @@ impl Wide {
         self.extent = extent;
     }
 
-    /// Σ half areas of the boxes.
+    /// Returns Σ half areas of the boxes.
     pub fn cost(&self) -> f64 {
         let of_node = |n: &Node| {
             let half = |i: usize| {
@@ -90,7 +90,7 @@ impl Wide {
         self.nodes.iter().map(of_node).sum()
     }
 
-    /// The subtree of a node of a binary tree.
+    /// Adds the subtree of a node of a binary tree, and returns it as a child.
     fn collapse(
         &mut self,
         triangles: &[HostTriangle],
@@ -108,7 +108,7 @@ impl Wide {
             let area = |&i: &usize| tree.nodes[i].aabb().half_area();
             let inner = (0..children.len()).filter(|&c| {
                 let i = children[c];
-                // A leaf with more triangles than lanes can't be opened.
+                // A leaf with more triangles than lanes cannot be opened.
                 !tree.nodes[i].is_leaf() && counts[i] > LANES as u32
             });
             let largest = inner.max_by(|&a, &b| area(&children[a]).total_cmp(&area(&children[b])));
@@ -135,7 +135,7 @@ impl Wide {
     }
 }
 
-/// The median of the sizes of leaves: roots of half areas.
+/// Returns the median size of leaves, where a size is the root of half the area.
 fn grain(boxes: &[Boxes]) -> f32 {
     let mut sizes: Vec<f32> = boxes
         .par_iter()
@@ -145,7 +145,7 @@ fn grain(boxes: &[Boxes]) -> f32 {
     *sizes.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
-/// Displacements of the triangles of a leaf.
+/// Returns the displacements of the triangles of a leaf.
 fn velocities(triangles: &[HostTriangle], list: &[u32]) -> [Lanes; 3] {
     let mut all = [[0.0; LANES]; 3];
     for (i, &k) in list.iter().enumerate() {
@@ -156,9 +156,9 @@ fn velocities(triangles: &[HostTriangle], list: &[u32]) -> [Lanes; 3] {
     all
 }
 
-/// Triangles under each node.
+/// Counts the triangles below each node.
 fn count(tree: &Bvh2, counts: &mut [u32]) {
-    // Children come after their parents or not: by hand, from a stack.
+    // Children may come before their parents, so this uses a stack.
     let mut stack = vec![(0usize, false)];
     while let Some((i, ready)) = stack.pop() {
         let node = &tree.nodes[i];
@@ -175,7 +175,7 @@ fn count(tree: &Bvh2, counts: &mut [u32]) {
     }
 }
 
-/// The triangles under a node.
+/// Collects the triangles below a node.
 fn gather(tree: &Bvh2, root: usize, list: &mut Vec<u32>) {
     let node = &tree.nodes[root];
     let first = node.first_index as usize;

@@ -1,4 +1,4 @@
-//! The tree as GPUs traverse it: nodes of two boxes.
+//! The tree that GPUs traverse: nodes with two boxes each.
 
 use std::ops::Range;
 
@@ -8,30 +8,32 @@ use rayon::prelude::*;
 
 use super::triangle::HostTriangle;
 
-/// A tree of nodes with both children's boxes. A child is a node, or the bit 2³¹ and a leaf.
+/// A tree of nodes that store the boxes of both children. A child is the index of a node, or the bit 2³¹ with the index
+/// of a leaf.
 #[derive(Clone, Default)]
 pub(crate) struct GpuTree {
     pub root: u32,
-    /// Corners of the first and of the second child's box.
+    /// The corners of the first and of the second child's box.
     pub boxes: Vec<[f32; 12]>,
     pub children: Vec<[u32; 2]>,
-    /// First and number of triangles of each leaf.
+    /// The first triangle and the number of triangles of each leaf.
     pub leaves: Vec<[u32; 2]>,
-    /// Numbers of triangles, leaf by leaf.
+    /// The indices of triangles, leaf by leaf.
     pub triangles: Vec<u32>,
-    /// Nodes that a traversal has to remember at most.
+    /// The largest number of nodes that a traversal must store.
     pub depth: usize,
 }
 
-/// Triangles of a leaf at most: a thread meets them one by one.
+/// The largest number of triangles in a leaf. A thread tests them one by one.
 const OF_LEAF: usize = 4;
-/// A child that is a leaf.
+/// Marks a child that is a leaf.
 pub(crate) const LEAF: u32 = 1 << 31;
-/// Numbers of a triangle as rays meet it.
+/// The number of values of a triangle for intersection with rays.
 pub(crate) const HIT_STRIDE: u32 = 20;
 
 impl GpuTree {
-    /// Of triangles, with the nodes of a binary tree over them; without nodes where they are few.
+    /// Builds the tree from the nodes of a binary tree over triangles. Without a binary tree, for few triangles, there
+    /// are no nodes.
     pub(super) fn new(built: Option<&Bvh2>, triangles: &[HostTriangle]) -> Self {
         let mut tree = Self::default();
         match built {
@@ -45,7 +47,7 @@ impl GpuTree {
         tree
     }
 
-    /// Fits boxes to triangles.
+    /// Refits the boxes to triangles.
     pub(super) fn fit(&mut self, triangles: &[HostTriangle]) {
         let of_leaf = |&[first, count]: &[u32; 2]| {
             let list = &self.triangles[first as usize..][..count as usize];
@@ -53,7 +55,7 @@ impl GpuTree {
             numbers(boxes.fold(Aabb::INVALID, |a, b| a.union(&b)))
         };
         let of_leaves: Vec<[f32; 6]> = self.leaves.par_iter().map(of_leaf).collect();
-        // Children of a node come behind it.
+        // The children of a node come after it.
         for index in (0..self.boxes.len()).rev() {
             let of_child = self.children[index].map(|child| match child {
                 LEAF.. => of_leaves[(child - LEAF) as usize],
@@ -81,7 +83,7 @@ impl GpuTree {
         index as u32
     }
 
-    /// Adds triangles of a leaf, which is divided where it has many.
+    /// Adds a leaf of triangles. It is divided if it has too many.
     fn add_leaf(&mut self, triangles: &[HostTriangle], list: Range<usize>, depth: usize) -> u32 {
         self.depth = self.depth.max(depth);
         if list.len() <= OF_LEAF {
@@ -101,7 +103,7 @@ impl GpuTree {
         index as u32
     }
 
-    /// Adds a node without its children and their boxes.
+    /// Adds a node; its children and their boxes are set later.
     fn add_node(&mut self) -> usize {
         self.boxes.push([0.0; 12]);
         self.children.push([0; 2]);
@@ -109,7 +111,7 @@ impl GpuTree {
     }
 }
 
-/// The corners of a box.
+/// Returns the corners of a box.
 fn numbers(aabb: Aabb) -> [f32; 6] {
     let corners = [aabb.min.to_array(), aabb.max.to_array()];
     std::array::from_fn(|i| corners.as_flattened()[i])

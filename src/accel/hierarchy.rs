@@ -1,4 +1,4 @@
-//! Boxes over triangles: how they are built, and fitted to triangles that moved.
+//! Boxes over triangles: how they are built, and refitted to triangles that moved.
 
 #[cfg(feature = "wgpu")]
 use std::sync::OnceLock;
@@ -12,22 +12,22 @@ use super::wide::{FEW, Wide};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Triangles without a binary tree at most: GPUs meet them one by one, a CPU eight at once.
+/// The largest number of triangles without a binary tree: GPUs test them one by one, a CPU tests eight at once.
 const WITHOUT: usize = if cfg!(feature = "wgpu") { 8 } else { FEW };
 
-/// Boxes over triangles, swept over the shutter. Without boxes where there are so few triangles that
+/// Boxes over triangles, enclosing their motion over the shutter. There are no boxes if there are so few triangles that
 /// testing each is faster.
 #[derive(Clone)]
 pub(crate) struct Hierarchy {
     /// The triangles, in the scene's order.
     pub triangles: Vec<HostTriangle>,
     pub(super) wide: Wide,
-    /// Whether all triangles are in it; of many that are the same some are left out.
+    /// Whether it contains all triangles. Of many identical triangles, some are left out.
     complete: bool,
-    /// The binary tree that the nodes were gathered from, with boxes about the triangles of then.
+    /// The binary tree from which the nodes were made. Its boxes are those of the triangles at that time.
     #[cfg(feature = "wgpu")]
     built: Option<Arc<obvhs::bvh2::Bvh2>>,
-    /// The tree for GPUs, once it was needed.
+    /// The tree for GPUs, made when it is first needed.
     #[cfg(feature = "wgpu")]
     for_gpu: OnceLock<Arc<GpuTree>>,
     /// Σ half areas of the boxes when they were built.
@@ -58,8 +58,8 @@ impl Hierarchy {
         }
     }
 
-    /// Takes other triangles in place of its own, and whether its boxes were fitted to these: they are as long as there
-    /// are as many triangles, and boxes have not grown by half. Else they are built anew.
+    /// Replaces its triangles, and returns whether its boxes were refitted to the new ones. They are refitted if the
+    /// number of triangles is the same and boxes have not grown by half. Otherwise they are built again.
     pub(crate) fn update(
         &mut self,
         triangles: impl IndexedParallelIterator<Item = HostTriangle>,
@@ -84,18 +84,18 @@ impl Hierarchy {
         false
     }
 
-    /// The tree as GPUs traverse it; without nodes where there are few triangles.
+    /// Returns the tree that GPUs traverse. It has no nodes if there are few triangles.
     #[cfg(feature = "wgpu")]
     pub(crate) fn for_gpu(&self) -> Arc<GpuTree> {
         if let Some(tree) = self.for_gpu.get() {
             return tree.clone();
         }
-        // Made by several threads, so that none holds the lock meanwhile.
+        // Several threads may make it, so that none holds the lock meanwhile.
         let tree = Arc::new(GpuTree::new(self.built.as_deref(), &self.triangles));
         self.for_gpu.get_or_init(|| tree).clone()
     }
 
-    /// Whether these are its triangles, all in it: corners, and displacement over the shutter.
+    /// Returns whether it contains exactly these triangles, given by corners and displacement over the shutter.
     pub(crate) fn is_of(
         &self,
         count: usize,
@@ -115,8 +115,8 @@ fn extent(triangles: &[HostTriangle]) -> f64 {
     triangles.par_iter().map(reach).reduce(|| 0.0, f64::max)
 }
 
-/// The hierarchy of the last render: its boxes are fitted to triangles that moved, and built anew when they have grown by
-/// half, or there are other triangles.
+/// The hierarchy of the last render. Its boxes are refitted to triangles that moved. They are built again if they have
+/// grown by half or if the number of triangles changed.
 #[derive(Clone, Default)]
 pub(crate) struct LastHierarchy(Arc<Mutex<Cached>>);
 
@@ -132,7 +132,7 @@ impl LastHierarchy {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The numbers of times that boxes were built and fitted.
+    /// Returns how many times boxes were built, and how many times they were refitted.
     pub fn counts(&self) -> [u64; 2] {
         let cached = self.lock();
         [cached.builds, cached.fits]
@@ -142,8 +142,9 @@ impl LastHierarchy {
         self.lock().last.clone()
     }
 
-    /// A hierarchy of these triangles, some of which may be spare: the last one, or where that has another number of
-    /// triangles one that they are `like`, fitted to them. The last one is overwritten where no other render has it.
+    /// Returns a hierarchy of these triangles, some of which may be `spare`. It refits the last one, or `like` if the
+    /// last one has another number of triangles, and builds a new one if that fails. The last one is overwritten unless
+    /// another render holds it.
     pub fn take(
         &self,
         like: Option<&Arc<Hierarchy>>,

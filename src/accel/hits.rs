@@ -1,7 +1,7 @@
-//! Hard hits of rays: the nearest triangle, or whether there is any.
+//! Hits of rays: the nearest triangle, or whether a ray hits any.
 //!
-//! Triangles are intersected in f32, eight at a time, each grown by what coordinates are rounded by: so no ray
-//! slips through a seam, and outlines are off by no more than rounding.
+//! Triangles are intersected in f32, eight at a time. Each is enlarged by the rounding of coordinates, so that no ray
+//! passes through a seam and outlines are off by no more than rounding.
 
 use pulp::Arch;
 
@@ -13,12 +13,12 @@ use super::simd::{LANES, Machine, Task, dispatch};
 use super::wide::Wide;
 use crate::scene::Holes;
 
-/// Rays that are made ready at once.
+/// The number of rays that are prepared at once.
 const BLOCK: usize = 64;
 
 impl Hierarchy {
-    /// The hit of each ray: the nearest triangle, or with `ANY` any, which takes less time. `SELECT` leaves out the ray's
-    /// unseen triangles. Scenes without holes have a traversal of their own.
+    /// Computes the hit of each ray: the nearest triangle, or with `ANY` any triangle, which takes less time. With
+    /// `SELECT`, rays ignore their `unseen` triangles. Scenes without holes have a traversal of their own.
     #[inline(always)]
     pub(crate) fn hits<const ANY: bool, const SELECT: bool>(
         &self,

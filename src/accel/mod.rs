@@ -1,5 +1,5 @@
-//! A hierarchy of boxes over triangles, on the host. For the softmax boxes grow by the reach of the blur while
-//! they are traversed, so that one hierarchy holds for any σ.
+//! A hierarchy of bounding boxes over triangles, on the host. For the softmax, boxes grow by the reach of the blur
+//! during traversal, so that one hierarchy serves any σ.
 
 mod build;
 mod candidates;

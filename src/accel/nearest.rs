@@ -1,4 +1,4 @@
-//! The nearest triangle that a ray hits.
+//! Computes the nearest triangle that a ray hits.
 
 use super::HostTriangle;
 use super::rays::{Hit, HitRay, NOTHING, Rays8};
@@ -7,11 +7,12 @@ use super::wide::{Grown, Leaf, Node, Ray8, Visitor, Wide};
 use crate::model::texture::Masks;
 use crate::model::v3;
 
-/// The numbers of lanes.
+/// The index of each lane.
 const LANE: Lanes = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 impl Leaf {
-    /// Distances at which a ray hits the triangles before a limit; the limit where it does not.
+    /// Returns the distances at which a ray hits the triangles before a limit, or the limit for triangles that it does
+    /// not hit.
     #[inline(always)]
     fn distances<M: Machine, const SELECT: bool>(
         &self,
@@ -34,20 +35,20 @@ impl Leaf {
     }
 }
 
-/// A ray on its way.
+/// A ray during traversal.
 #[derive(Clone, Copy)]
 struct NearRay<'a, M: Machine> {
     of: &'a HitRay,
     skipped: f32,
     eight: Ray8<M>,
     limit: f32,
-    /// Less than 0: how far outside of a triangle a hit may lie.
+    /// A negative number: how far outside of a triangle a hit may lie.
     below: F8<M>,
     grown: Grown<M>,
 }
 
 impl<'a, M: Machine> NearRay<'a, M> {
-    /// One of the rays of a block.
+    /// Returns one of the rays of a block.
     #[inline(always)]
     fn new(machine: M, (all, eights): (&'a [HitRay], &[Rays8]), k: u8) -> Self {
         let (k, of) = (usize::from(k), &all[usize::from(k)]);
@@ -64,7 +65,7 @@ impl<'a, M: Machine> NearRay<'a, M> {
     }
 }
 
-/// Holes of triangles, which rays pass.
+/// Holes of triangles, through which rays pass.
 #[derive(Clone, Copy)]
 pub(super) struct Pierced<'a> {
     pub masks: Masks<'a>,
@@ -72,7 +73,7 @@ pub(super) struct Pierced<'a> {
 }
 
 impl Pierced<'_> {
-    /// Whether a ray passes a triangle that it meets at a distance.
+    /// Returns whether a ray passes through a hole where it meets a triangle.
     #[inline(always)]
     fn passes<M: Machine>(&self, ray: &NearRay<M>, t: f32, k: u32) -> bool {
         let place = self.masks.masked[k as usize];
@@ -94,8 +95,8 @@ impl Pierced<'_> {
 }
 
 impl Wide {
-    /// The nearest triangle that each of some rays of a block hits; with `ANY` any, which takes less time. `SELECT`
-    /// leaves out the rays' unseen triangles, `HOLES` holes.
+    /// Computes the nearest triangle that each listed ray of a block hits, or with `ANY` any triangle, which takes less
+    /// time. With `SELECT`, rays ignore their `unseen` triangles. With `HOLES`, they pass through holes.
     #[inline(always)]
     pub fn hits_alone<M: Machine, const ANY: bool, const SELECT: bool, const HOLES: bool>(
         &self,
@@ -135,14 +136,14 @@ impl Wide {
         }
     }
 
-    /// All triangles, the nearest of each lane first.
+    /// Tests all triangles: first for the nearest of each lane, then for the nearest of these.
     #[inline(always)]
     fn hit_of_few<M: Machine, const SELECT: bool, const MOVES: bool>(
         &self,
         machine: M,
         ray: &NearRay<M>,
     ) -> Hit {
-        // Numbers of triangles as floats, so that they are chosen by the same masks as distances.
+        // Indices of triangles are stored as floats, so that the same masks select indices and distances.
         let mut best = F8::splat(machine, ray.limit);
         let mut which = F8::splat(machine, -1.0);
         let mut number = F8::load(machine, &LANE);
@@ -172,7 +173,7 @@ impl Wide {
     }
 }
 
-/// The nearest hit so far, while a ray goes through the tree.
+/// The nearest hit so far, while a ray traverses the tree.
 struct Nearest<'a, M: Machine, const ANY: bool, const SELECT: bool, const HOLES: bool> {
     wide: &'a Wide,
     machine: M,

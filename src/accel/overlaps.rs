@@ -16,11 +16,11 @@ pub(crate) struct Overlaps<'a> {
     triangles: &'a [HostTriangle],
 }
 
-/// Corners this near to a plane, times the coordinates, count as on it: less than [`TOUCHING`](crate::model::edge::TOUCHING)
-/// by more than the rounding of both.
+/// A corner counts as on a plane if its distance is less than this, times the coordinates. It is smaller than
+/// [`TOUCHING`](crate::model::edge::TOUCHING) by more than the rounding of both.
 const ON_PLANE: f32 = 2e-6;
 
-/// Those of eight triangles at rest whose planes another one passes, one bit each.
+/// Returns which of eight triangles at rest have a plane that another triangle passes through, one bit each.
 #[inline(always)]
 fn pass<M: Machine>(machine: M, leaf: &Leaf, corners: [Vec3; 3]) -> u32 {
     let [a, b, c] = corners;
@@ -44,7 +44,7 @@ fn pass<M: Machine>(machine: M, leaf: &Leaf, corners: [Vec3; 3]) -> u32 {
     below.and(F8::splat(machine, margin).less(high)).bits()
 }
 
-/// Those of eight boxes that overlap one, one bit each.
+/// Returns which of eight boxes overlap a given box, one bit each.
 #[inline(always)]
 fn overlap<M: Machine>(machine: M, Boxes { min, max }: &Boxes, one: &Aabb) -> u32 {
     let apart = |axis: usize| {
@@ -68,9 +68,9 @@ impl<'a> Overlaps<'a> {
         self.wide.leaves.len()
     }
 
-    /// Adds the pairs of a triangle of a leaf and one of the same or a later leaf, the smaller number first, while any
-    /// looks are left: one for a leaf, one for a pair. Whether these are all. Where none moves, pairs that are no more than
-    /// [`ON_PLANE`] on both sides of one of their planes may be left out.
+    /// Adds the pairs of a triangle of a leaf and a triangle of the same or a later leaf, the smaller index first. Each
+    /// leaf and each pair takes one from the budget `left`. Returns false if the budget did not suffice. If nothing
+    /// moves, pairs that lie no more than [`ON_PLANE`] on both sides of one of their planes may be left out.
     pub fn add_pairs(&self, leaf: usize, left: &mut usize, pairs: &mut Vec<[u32; 2]>) -> bool {
         dispatch(
             self.arch,
@@ -130,7 +130,7 @@ impl Task for AddPairs<'_> {
 }
 
 impl AddPairs<'_> {
-    /// Adds the pairs with triangles of another leaf, which lie in a box, or within this one.
+    /// Adds the pairs with triangles of another leaf, which lie in the box `around`, or the pairs within this leaf.
     #[inline(always)]
     fn add<M: Machine>(&mut self, machine: M, other: usize, around: &Aabb) -> bool {
         if *self.left == 0 {
@@ -177,8 +177,8 @@ mod tests {
 
     use super::*;
 
-    /// The pairs of a tree's leaves are those of all boxes, each once, but for those at rest that do not pass each other;
-    /// looks that run out are told.
+    /// The pairs of a tree's leaves are the pairs of all overlapping boxes, each once. Triangles at rest that do not
+    /// pass through each other may be missing. An exhausted budget is reported.
     #[test]
     fn pairs_are_those_of_all_boxes() {
         let mut seed = 1u32;

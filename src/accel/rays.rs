@@ -1,4 +1,4 @@
-//! Rays and their hits; eight rays at once.
+//! Rays and their hits, and eight rays at once.
 
 use glam::Vec3;
 
@@ -9,7 +9,7 @@ use crate::cube::*;
 /// No triangle.
 pub(crate) const NOTHING: u32 = u32::MAX;
 
-/// A ray that looks for triangles: a segment of it, and up to four triangles that it does not see.
+/// A ray segment to intersect with triangles, and up to four triangles that it ignores.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)] // so that the head is read at once
 pub(crate) struct HitRay {
@@ -23,14 +23,14 @@ pub(crate) struct HitRay {
 }
 
 impl HitRay {
-    /// Origin, direction, time, and where it begins.
+    /// Returns origin, direction, time and `from`.
     #[inline(always)]
     fn head(&self) -> Lanes {
         let ([x, y, z], [u, v, w]) = (self.origin.to_array(), self.direction.to_array());
         [x, y, z, u, v, w, self.time, self.from]
     }
 
-    /// From its origin to a limit, seeing all triangles.
+    /// Creates a ray from its origin to a limit that sees all triangles.
     #[inline(always)]
     pub fn new(origin: impl Into<Vec3>, direction: impl Into<Vec3>, time: f32, limit: f32) -> Self {
         Self {
@@ -44,7 +44,7 @@ impl HitRay {
     }
 }
 
-/// A hit of a ray: a distance, and a triangle or [`NOTHING`].
+/// The hit of a ray: a distance, and a triangle or [`NOTHING`].
 #[apply(record!)]
 pub(crate) struct Hit {
     pub t: f32,
@@ -58,10 +58,10 @@ impl Hit {
     };
 }
 
-/// The size of coordinates: scenes are measured in a unit near their size.
+/// The size of coordinates. Scenes are measured in a unit close to their size.
 const SIZE: f32 = 1.0;
 
-/// Eight rays, each beginning where it is near the scene: a distant origin would round by more than triangles are large.
+/// Eight rays, each starting near the scene: for a distant origin, rounding would be larger than triangles.
 #[derive(Clone, Copy)]
 pub(super) struct Rays8 {
     pub origin: [Lanes; 3],
@@ -70,9 +70,9 @@ pub(super) struct Rays8 {
     pub less_time: Lanes,
     pub from: Lanes,
     pub limit: Lanes,
-    /// What triangles grow by.
+    /// The distance by which triangles are enlarged.
     pub margin: Lanes,
-    /// How far from a ray's origin this one is.
+    /// The distance from the original origin of each ray to this one.
     pub skipped: Lanes,
 }
 
@@ -88,7 +88,7 @@ impl Rays8 {
         skipped: [0.0; LANES],
     };
 
-    /// Up to eight rays; the rest are like the first, and hit nothing.
+    /// Fills this with up to eight rays. The remaining lanes repeat the first ray and hit nothing.
     #[inline(always)]
     pub fn fill<M: Machine>(&mut self, machine: M, rays: &[HitRay]) {
         let mut rows = [rays[0].head(); LANES];
@@ -120,13 +120,13 @@ impl Rays8 {
         self.inverse = each_of_three!(|d| inverse(machine, d).lanes(), [u, v, w]);
         self.less_time = (zero - all(time)).lanes();
         self.from = (all(from) - skipped).lanes();
-        // Not infinite, so that differences are numbers.
+        // Finite, so that differences are not NaN.
         self.limit = (load(&self.limit) - skipped).min(splat(f32::MAX)).lanes();
         self.margin = (size * splat(ROUNDING)).lanes();
         self.skipped = skipped.lanes();
     }
 
-    /// One of them, each of its numbers eight times.
+    /// Returns one of the rays, with each of its numbers in all lanes.
     #[inline(always)]
     pub fn one<M: Machine>(&self, machine: M, i: usize) -> Ray8<M> {
         let splat = |lanes: &Lanes| F8::splat(machine, lanes[i]);

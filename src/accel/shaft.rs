@@ -1,45 +1,46 @@
-//! Bounds of rays that go the same way: what no ray of them meets is left out for all at once.
+//! Bounds of rays of similar direction: boxes that none of them can meet are skipped for all at once.
 
 use super::rays::{Hit, NOTHING, Rays8};
 use super::simd::{F8, LANES, Lanes, Machine, each_of_three};
 use super::wide::{Boxes, Node, Visitor, Wide, displaced};
 
-/// Directions have at least this component along the axis of a shaft.
+/// The smallest component of directions along the axis of a shaft.
 const ALONG: f32 = 0.3;
 
-/// Rays spread by no more than this across the axis, at a distance of 1.
+/// The largest spread of rays across the axis, at a distance of 1.
 const SPREAD: f32 = 0.5;
 
-/// Rays are this far apart across the axis at most, in sizes of leaves.
+/// The largest distance between rays across the axis, in sizes of leaves.
 const APART: f32 = 4.0;
 
-/// What is met lies within this, in the unit of the scene.
+/// Hits are assumed to lie within this distance, in the unit of the scene.
 const FAR: f32 = 8.0;
 
-/// So many eights of rays are bounded together: those of a pixel, mostly.
+/// The number of groups of eight rays that are bounded together. Mostly these are the rays of a pixel.
 pub(super) const EIGHTS: usize = 2;
 
-/// A least and a greatest number.
+/// A minimum and a maximum.
 type Bounds = [f32; 2];
 
-/// What rays that go the same way pass: where they begin, and how far they go sideways for a step along an axis.
+/// The region that rays of similar direction pass through: where they begin, and how far they move sideways for a step
+/// along an axis.
 #[derive(Clone, Copy)]
 pub(super) struct Shaft<M: Machine> {
-    /// The axis, and the two across.
+    /// The axis, and the two axes across it.
     axes: [usize; 3],
-    /// Whether rays go towards larger coordinates; else all is seen in a mirror.
+    /// Whether rays go towards larger coordinates. Otherwise all coordinates along the axis are mirrored.
     forward: bool,
-    /// Where rays begin along the axis, and how far from there they begin and end.
+    /// Where rays begin along the axis; and (in `range`) how far from there they begin and end.
     start: [F8<M>; 2],
     range: [F8<M>; 2],
-    /// Where rays begin across it, and their slopes.
+    /// Where rays begin across the axis; and (in `slopes`) their slopes.
     across: [[F8<M>; 2]; 2],
     slopes: [[F8<M>; 2]; 2],
-    /// Distances on rays, for a step along the axis.
+    /// Distances along rays for a step along the axis.
     steps: [F8<M>; 2],
 }
 
-/// Bounds of a number of all rays.
+/// Returns the bounds of a number over all rays.
 #[inline(always)]
 fn bounds<M: Machine>(machine: M, rays: &[Rays8], of: impl Fn(&Rays8) -> F8<M>) -> Bounds {
     let first = of(&rays[0]);
@@ -53,7 +54,7 @@ fn bounds<M: Machine>(machine: M, rays: &[Rays8], of: impl Fn(&Rays8) -> F8<M>) 
 }
 
 impl<M: Machine> Shaft<M> {
-    /// The shaft of rays, if they go the same way from about the same place.
+    /// Returns the shaft of rays, if they have similar directions and begin near each other.
     #[inline(always)]
     pub fn around(machine: M, rays: &[Rays8], grain: f32) -> Option<Self> {
         let splat = |x| F8::splat(machine, x);
@@ -96,7 +97,7 @@ impl<M: Machine> Shaft<M> {
                 if spread > SPREAD || spread.mul_add(last.min(FAR), apart) > APART * grain {
                     return None;
                 }
-                // The slopes are rounded, and so is what is computed with them.
+                // Slopes are rounded, and so are the values computed from them.
                 let rounding = 1e-6 * (1.0 + low.abs().max(high.abs()));
                 slopes[k - 1] = [low - rounding, high + rounding];
             }
@@ -114,7 +115,8 @@ impl<M: Machine> Shaft<M> {
         })
     }
 
-    /// Those of eight boxes that rays may enter before a limit, one bit each; and where at the earliest.
+    /// Returns which of eight boxes rays may enter before a limit, one bit each, and the smallest distance at which
+    /// they may enter each.
     #[inline(always)]
     pub fn enter(&self, machine: M, boxes: &Boxes, limit: f32) -> (u32, Lanes) {
         let zero = F8::splat(machine, 0.0);
@@ -147,7 +149,7 @@ impl<M: Machine> Shaft<M> {
 }
 
 impl Wide {
-    /// The hits of rays within a shaft.
+    /// Computes the hits of rays within a shaft.
     #[inline(always)]
     pub fn hits_in<M: Machine, const ANY: bool>(
         &self,
@@ -181,12 +183,13 @@ impl Wide {
     }
 }
 
-/// The nearest hits so far of rays within a shaft; their limits are where these are, or −∞ with `ANY`.
+/// The nearest hits so far of rays within a shaft. The limit of a ray is the distance of its hit, or `f32::MIN` with
+/// `ANY`.
 struct InShaft<'a, M: Machine, const ANY: bool> {
     wide: &'a Wide,
     machine: M,
     shaft: Shaft<M>,
-    /// The farthest limit.
+    /// The largest limit of all rays.
     limit: f32,
     rays: &'a mut [Rays8],
     /// The triangles that rays hit, as bits.
@@ -269,7 +272,7 @@ mod tests {
     use crate::accel::simd::Plain;
     use crate::accel::{HitRay, HostTriangle};
 
-    /// Rays that go together hit what each hits by itself, whichever way they go, whatever moves.
+    /// Rays that are traced together hit the same triangles as each alone, for any direction and motion.
     #[test]
     fn rays_hit_the_same_together_and_alone() {
         let mut seed = 1u32;

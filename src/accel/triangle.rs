@@ -3,13 +3,13 @@
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 
-/// A triangle, displaced over the shutter.
+/// A triangle that is displaced over the shutter.
 #[derive(Clone, Debug)]
 pub struct HostTriangle {
     pub corners: [DVec3; 3],
-    /// Unit normal, counter-clockwise front.
+    /// The unit normal; the front is the side from which the corners are counter-clockwise.
     pub normal: DVec3,
-    /// Displacement over the shutter.
+    /// The displacement over the shutter.
     pub velocity: DVec3,
     /// Whether it has area.
     pub valid: bool,
@@ -28,8 +28,8 @@ impl HostTriangle {
         }
     }
 
-    /// The lines of the borders a → b, b → c and c → a in its plane: across and an offset, so that a
-    /// point's distance across + offset is positive inside.
+    /// Returns the lines of the borders a → b, b → c and c → a in its plane, each as a vector `across` and an offset.
+    /// The distance of a point from a line is across · point + offset, positive inside.
     pub(super) fn lines_in_space(&self) -> [(DVec3, f64); 3] {
         [0, 1, 2].map(|i| {
             let (from, to) = (self.corners[i], self.corners[(i + 1) % 3]);
@@ -39,19 +39,19 @@ impl HostTriangle {
         })
     }
 
-    /// The distance of a point of its plane from the nearest line of its border, positive inside.
+    /// Returns the distance of a point in its plane from the nearest border line, positive inside.
     pub fn distance_to_lines(&self, point: DVec3) -> f64 {
         let distance = |(across, offset): (DVec3, f64)| across.dot(point) + offset;
         let lines = self.lines_in_space().map(distance);
         lines[0].min(lines[1]).min(lines[2])
     }
 
-    /// Twice the area of a triangle in its plane, negative where that is clockwise.
+    /// Returns twice the area of a triangle in its plane, negative if that triangle is clockwise.
     fn doubled(&self, [a, b, c]: [DVec3; 3]) -> f64 {
         self.normal.dot((b - a).cross(c - a))
     }
 
-    /// Weights of the corners in a point of its plane.
+    /// Returns the weights of the corners at a point in its plane.
     pub(super) fn weights(&self, point: DVec3) -> [f64; 3] {
         let [a, b, c] = self.corners;
         let all = self.doubled([a, b, c]);
@@ -62,7 +62,7 @@ impl HostTriangle {
         [1.0 - b - c, b, c]
     }
 
-    /// Its box over the shutter.
+    /// Returns its bounding box over the shutter.
     pub(super) fn swept(&self) -> Aabb {
         let mut aabb = Aabb::INVALID;
         for corner in self.corners {

@@ -5,10 +5,10 @@ use super::triangle::HostTriangle;
 use glam::Vec3;
 use obvhs::aabb::Aabb;
 
-/// Up to so many triangles are tested without boxes.
+/// Up to this many triangles are tested without boxes.
 pub(super) const FEW: usize = 64;
 
-/// Corners of eight boxes; those that are not there are never met.
+/// The corners of eight boxes. Missing boxes are never hit.
 #[derive(Clone)]
 pub(super) struct Boxes {
     pub min: [Lanes; 3],
@@ -19,7 +19,7 @@ pub(super) struct Boxes {
 #[derive(Clone)]
 pub(super) struct Node {
     pub boxes: Boxes,
-    /// Twice the index of a node, or of a leaf plus one.
+    /// For each child, 2 × the index of a node, or 2 × the index of a leaf + 1.
     pub child: [u32; LANES],
     /// The number of children.
     pub count: u32,
@@ -31,9 +31,9 @@ pub(super) struct Wide {
     pub leaves: Vec<Leaf>,
     /// The boxes of the triangles of each leaf, swept over the shutter.
     pub boxes: Vec<Boxes>,
-    /// The size of leaves, most of which are no larger; infinite where there are no nodes.
+    /// The median size of leaves; infinite if there are no nodes.
     pub grain: f32,
-    /// Displacements over the shutter of the triangles of each leaf, if any moves.
+    /// The displacements over the shutter of the triangles of each leaf, if any triangle moves.
     pub velocities: Option<Vec<[Lanes; 3]>>,
     /// The largest distance of a corner from the origin of coordinates.
     pub extent: f64,
@@ -60,7 +60,7 @@ impl Boxes {
         }
     }
 
-    /// One of them.
+    /// Returns one of the boxes.
     pub fn one(&self, i: usize) -> Aabb {
         Aabb {
             min: self.min.map(|x| x[i]).into(),
@@ -68,7 +68,7 @@ impl Boxes {
         }
     }
 
-    /// The box around all.
+    /// Returns the box around all of them.
     pub fn around(&self) -> Aabb {
         let least = |x: [f32; LANES]| x.into_iter().fold(f32::INFINITY, f32::min);
         let most = |x: [f32; LANES]| x.into_iter().fold(f32::NEG_INFINITY, f32::max);
@@ -80,8 +80,8 @@ impl Boxes {
 }
 
 impl Node {
-    /// Puts some children (one bit each, at least one) on a stack with room for them: the nearest on top,
-    /// the others below it in any order. Without jumps.
+    /// Pushes children (one bit each, at least one) on a stack with room for them: the nearest on top, the others below
+    /// it in any order. It has no branches.
     #[inline(always)]
     fn stack_children(
         &self,
@@ -109,22 +109,22 @@ impl Node {
     }
 }
 
-/// Up to eight triangles: planes, and in each the lines of the borders as distances, positive inside.
+/// Up to eight triangles: their planes, and in each plane the border lines as distances, positive inside.
 #[derive(Clone)]
 pub(super) struct Leaf {
     pub(super) normal: [Lanes; 3],
     pub(super) plane: Lanes,
-    /// a → b, b → c, c → a: directions, and what is added.
+    /// a → b, b → c, c → a: directions, and (in `offsets`) the constants to add.
     pub(super) lines: [[Lanes; 3]; 3],
     pub(super) offsets: [Lanes; 3],
     pub triangle: [u32; LANES],
-    /// The rounding of the lines, beyond that of points.
+    /// The rounding of the lines, in addition to the rounding of points.
     pub(super) slack: Lanes,
-    /// The triangles that there are, one bit each.
+    /// The triangles that exist, one bit each.
     pub(super) used: u32,
 }
 
-/// Triangles are grown by this share of the largest coordinate near the ray.
+/// Triangles are enlarged by this fraction of the largest coordinate near the ray.
 pub(crate) const ROUNDING: f32 = 4e-7;
 
 impl Leaf {
@@ -156,12 +156,12 @@ impl Leaf {
         leaf
     }
 
-    /// The numbers of its triangles.
+    /// Returns the indices of its triangles.
     pub fn list(&self) -> &[u32] {
         &self.triangle[..self.used.count_ones() as usize]
     }
 
-    /// Where a ray meets the planes of the triangles.
+    /// Computes where a ray meets the planes of the triangles.
     #[inline(always)]
     pub fn planes<M: Machine>(
         &self,
@@ -180,7 +180,8 @@ impl Leaf {
         self.meet(load, &origin, &ray.direction)
     }
 
-    /// Where rays meet the planes of triangles, whose numbers are made of lanes: of eight triangles, or one of them.
+    /// Computes where rays meet the planes of triangles. `of` makes numbers from lanes: those of eight triangles, or of
+    /// one.
     #[inline(always)]
     pub fn meet<M: Machine>(
         &self,
@@ -211,7 +212,7 @@ impl Leaf {
     }
 }
 
-/// Where a ray meets the planes of eight triangles.
+/// The places where a ray meets the planes of eight triangles.
 pub(super) struct Planes8<M: Machine> {
     pub t: F8<M>,
     pub cosine: F8<M>,
@@ -220,23 +221,24 @@ pub(super) struct Planes8<M: Machine> {
 }
 
 impl<M: Machine> Planes8<M> {
-    /// Where triangles that grow by less than −`below`, and by their own slack, are hit between two distances.
+    /// Returns which triangles are hit between two distances. Triangles are enlarged by −`below` and by their own
+    /// slack.
     #[inline(always)]
     pub fn hit(&self, below: F8<M>, slack: F8<M>, from: F8<M>, limit: F8<M>) -> Mask8<M> {
-        // Not a number counts as no hit: all comparisons with it are false.
+        // NaN counts as no hit, because all comparisons with it are false.
         let inside = (below - slack).less(self.least);
         inside.and(from.less(self.t)).and(self.t.less(limit))
     }
 }
 
-/// A ray, each of its numbers eight times.
+/// A ray, with each of its numbers in all eight lanes.
 #[derive(Clone, Copy)]
 pub(super) struct Ray8<M: Machine> {
     pub origin: [F8<M>; 3],
     pub direction: [F8<M>; 3],
     pub inverse: [F8<M>; 3],
     pub less_time: F8<M>,
-    /// Where it begins.
+    /// The distance at which it begins.
     pub from: F8<M>,
 }
 
@@ -254,7 +256,7 @@ impl<M: Machine> Ray8<M> {
         }
     }
 
-    /// Its origin as boxes see it that grow by a margin on both sides.
+    /// Returns its origin for boxes that are enlarged by a margin on both sides.
     #[inline(always)]
     pub fn grown(&self, machine: M, margin: f32) -> Grown<M> {
         let margin = F8::splat(machine, margin);
@@ -265,7 +267,7 @@ impl<M: Machine> Ray8<M> {
         }
     }
 
-    /// The children of a node, their boxes grown, that it enters before a limit, one bit each; and where.
+    /// Returns the children of a node whose enlarged boxes it enters before a limit, one bit each, and the distances.
     #[inline(always)]
     pub fn enter(&self, machine: M, node: &Node, grown: &Grown<M>, limit: f32) -> (u32, Lanes) {
         let Boxes { min, max } = &node.boxes;
@@ -281,7 +283,7 @@ impl<M: Machine> Ray8<M> {
     }
 }
 
-/// Origins of rays in the frame of triangles that are displaced with time.
+/// Returns origins of rays in the frame of triangles that are displaced with time.
 #[inline(always)]
 pub(super) fn displaced<M: Machine>(
     origin: &[F8<M>; 3],
@@ -296,7 +298,7 @@ pub(super) fn displaced<M: Machine>(
     ]
 }
 
-/// 1 over directions, finite, so that differences times it are numbers.
+/// Returns 1 over directions. It is finite, so that products with differences are not NaN.
 #[inline(always)]
 pub(super) fn inverse<M: Machine>(machine: M, d: F8<M>) -> F8<M> {
     let (zero, least) = (F8::splat(machine, 0.0), F8::splat(machine, 1e-12));
@@ -312,28 +314,28 @@ pub(super) struct Grown<M: Machine> {
     high: [F8<M>; 3],
 }
 
-/// What is done on the way of a ray, or of rays that go together, through the tree.
+/// The actions during the traversal of the tree by a ray, or by several rays together.
 pub(super) trait Visitor {
-    /// The distance beyond which nothing matters.
+    /// Returns the distance beyond which nothing matters.
     fn limit(&self) -> f32;
 
-    /// The children of a node that is entered at a distance which are entered before the limit, one bit each; and
-    /// where.
+    /// Returns the children of a node that are entered before the limit, one bit each, and the distances. `near` is the
+    /// distance at which the node is entered.
     fn enter(&self, node: &Node, near: f32) -> (u32, Lanes);
 
-    /// Looks at the triangles of a leaf. Whether it goes on.
+    /// Tests the triangles of a leaf. Returns whether the traversal continues.
     fn leaf(&mut self, index: usize) -> bool;
 }
 
 impl Wide {
-    /// Takes a visitor to all leaves that its rays may hit, the nearer child of a node first.
+    /// Visits all leaves that the visitor's rays may hit, the nearest child of a node first.
     #[inline(always)]
     pub fn traverse(&self, visitor: &mut impl Visitor) {
         let mut stack = [(0, f32::NEG_INFINITY); 64];
         let mut spilled: Vec<(u32, f32)> = Vec::new();
         let mut len = 1;
         if self.nodes.is_empty() {
-            // Few leaves, the first on top.
+            // There are few leaves; the first is on top.
             len = self.leaves.len();
             for (i, top) in stack[..len].iter_mut().enumerate() {
                 top.0 = 2 * (len - 1 - i) as u32 + 1;
@@ -364,7 +366,7 @@ impl Wide {
                 continue;
             }
             if len + LANES > stack.len() {
-                // Deep trees go on in memory; what was on the stack is taken later.
+                // Deep trees continue in memory. The contents of the stack are processed later.
                 spilled.extend_from_slice(&stack[..len]);
                 len = 0;
             }
@@ -372,7 +374,7 @@ impl Wide {
         }
     }
 
-    /// The displacements of the triangles of a leaf, if any moves.
+    /// Returns the displacements of the triangles of a leaf, if any triangle moves.
     #[inline(always)]
     pub fn velocity(&self, leaf: usize) -> Option<&[Lanes; 3]> {
         self.velocities.as_ref().map(|v| &v[leaf])

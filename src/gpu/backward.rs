@@ -1,4 +1,4 @@
-//! Back along a path that left records, in a thread of a GPU.
+//! The backward pass along a path that stored records, in a thread of a GPU.
 
 use crate::cube::*;
 
@@ -21,24 +21,26 @@ use crate::trace::{
     receiver_of, seen_backward, sky_backward, target_of,
 };
 
-/// A point of a path on the way back.
+/// A point of a path in the backward pass.
 #[apply(record!)]
 struct Vertex {
     number: u32,
     point: Point,
-    /// The throughput that arrives, and the derivatives of the loss by the light that goes back from the first point.
+    /// The throughput at the point, and the derivative of the loss with respect to the light that leaves the path's
+    /// first point.
     throughput: V3,
     g: V3,
-    /// What was seen from it ([`SAW_EMITTER`] and others).
+    /// The bits of lights visible from the point ([`SAW_EMITTER`] and others).
     bits: u32,
-    /// The way on, and the random numbers that chose it and directions to the map.
+    /// The sampled BSDF direction, and random numbers for the choice of a lobe and of directions to the map.
     scatter: Scatter,
     choices: Four,
 }
 
 #[cube]
 impl Vertex {
-    /// Light of a target that was drawn with a density, or found by scattering.
+    /// Returns the reflected part and the density for light of a target. The target was drawn with a density or hit
+    /// by the sampled BSDF direction.
     fn arrived(&self, target: &Target, chance: f32, by_scattering: bool) -> Arrived {
         let shading = self.point.shading;
         Arrived {
@@ -48,7 +50,7 @@ impl Vertex {
     }
 }
 
-/// The i-th point of a path.
+/// Returns the i-th point of a path.
 #[cube]
 fn vertex(
     scene: &Scene,
@@ -81,7 +83,8 @@ fn vertex(
     }
 }
 
-/// Back along a path of a pixel: adds the derivatives of the light that it brought, times `upstream`.
+/// Runs the backward pass along a path of a pixel: adds the derivatives of the path's light, times `upstream`, to the
+/// sums.
 #[cube]
 pub(super) fn path_backward(
     scene: &Scene,
@@ -156,7 +159,8 @@ pub(super) fn path_backward(
     }
 }
 
-/// Back over the light of emitters that were seen: of that which was drawn, then of those along the way on.
+/// Adds the derivatives from the light of visible emitters: the sampled emitter first, then the emitters along the
+/// BSDF direction. Returns the derivative of the loss with respect to the throughput.
 #[cube]
 fn emitters_backward(
     scene: &Scene,
@@ -221,7 +225,8 @@ fn emitters_backward(
     by_throughput
 }
 
-/// Back over the light of the map that was seen: in the direction that was drawn, then along the way on.
+/// Adds the derivatives from the visible light of the map: in the sampled direction first, then along the BSDF
+/// direction. Returns the derivative of the loss with respect to the throughput.
 #[cube]
 fn light_of_map_backward(scene: &Scene, sums: &Sums, v: &Vertex, by: &mut PointGradient) -> V3 {
     let mut by_throughput = splat(0.0);

@@ -1,5 +1,5 @@
-//! Lists of scenes in two buffers, floats and words, which stay on the device from render to render: what has changed
-//! since the last one is sent in blocks.
+//! The lists of scenes in two buffers, one of floats and one of words, which stay on the device from render to
+//! render. Only blocks that have changed since the last render are sent.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,23 +13,23 @@ use crate::cube::*;
 use super::device::{List, launch};
 use super::made::make_lists;
 
-/// Words of a block.
+/// Number of words in a block.
 const BLOCK: usize = 1024;
-/// Blocks that are sent at once, at most: 64 MiB.
+/// Maximum number of blocks in one transfer: 64 MiB.
 const AT_ONCE: usize = 1 << 14;
 
-/// Lists of numbers of 32 bits, one behind the other, each once.
+/// Lists of 32-bit numbers, one after another, each stored once.
 #[derive(Default)]
 pub(super) struct Plan<'a> {
-    /// Where each list begins, the list, and whether lists that the device makes depend on it.
+    /// The start of each list, the list, and whether lists that the device makes depend on it.
     lists: Vec<(usize, &'a [u32], bool)>,
     length: usize,
-    /// Where lists begin, by their addresses.
+    /// The starts of lists by their addresses and lengths.
     known: HashMap<(*const u32, usize), u32>,
 }
 
 impl<'a> Plan<'a> {
-    /// Where a list begins, after it was added if it was not there.
+    /// Returns where a list begins, and adds the list if it is new.
     pub fn place<T: CubeElement>(&mut self, list: &'a [T], shapes: bool) -> u32 {
         let list: &[u32] = u32::from_bytes(T::as_bytes(list));
         let key = (list.as_ptr(), list.len());
@@ -43,14 +43,14 @@ impl<'a> Plan<'a> {
         start as u32
     }
 
-    /// Room for so many words, in blocks of their own: what the device writes there is never sent.
+    /// Reserves `words` words in blocks of their own, which the device writes and the host never sends.
     pub fn room(&mut self, words: usize) -> u32 {
         let start = self.length.next_multiple_of(BLOCK);
         self.length = (start + words).next_multiple_of(BLOCK);
         start as u32
     }
 
-    /// Room for so many words ahead of all lists.
+    /// Creates a plan with `words` words reserved ahead of all lists.
     pub fn after(words: usize) -> Self {
         Self {
             length: words,
@@ -58,7 +58,7 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// All lists in a buffer, behind those of `head`, and the blocks in which it differs from the last render's.
+    /// Writes `head` and all lists into a buffer, and determines which blocks differ from the last render.
     pub fn fill(mut self, head: &'a [u32], last: Buffer) -> Buffer {
         self.lists.insert(0, (0, head, false));
         let alike = last.words.len() == self.length;
@@ -103,13 +103,13 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// The numbers of lists.
+/// The content of a buffer on the host.
 #[derive(Default)]
 pub(super) struct Buffer {
     words: Vec<u32>,
-    /// The blocks in which they differ from those of the last render.
+    /// The blocks that differ from the last render.
     changed: Vec<u32>,
-    /// Whether what the device makes differs too.
+    /// Whether the device must make its lists again, because a list that they depend on has changed.
     shapes: bool,
 }
 
@@ -120,8 +120,8 @@ impl Buffer {
     }
 }
 
-/// What the device makes: where the table of scenes is among the words, how many these are, and how many threads make their
-/// lists.
+/// The lists that the device makes: the start of the table of scenes among the words, the number of scenes, and the
+/// number of threads that make their lists.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Made {
     pub table: u32,
@@ -130,7 +130,7 @@ pub(super) struct Made {
     pub moves: bool,
 }
 
-/// Two buffers, of floats and of words, on the host and on a device.
+/// The buffers of floats and of words, on the host and on a device.
 #[derive(Default)]
 pub(crate) struct Buffers {
     floats: Buffer,
@@ -139,18 +139,19 @@ pub(crate) struct Buffers {
     sent: Mutex<Sent>,
 }
 
-/// What is on a device: both lists, and one for kernels that need none.
+/// The lists on a device: floats, words, and a placeholder for kernels without a list of pixels.
 #[derive(Default)]
 struct Sent {
     lists: Option<[List; 3]>,
-    /// Whether they are those of this render, and not of the last.
+    /// Whether the lists hold the data of this render. Otherwise they hold the data of the last render.
     current: bool,
-    /// The streams of launches that read them.
+    /// The streams whose launches read the lists.
     streams: Vec<StreamId>,
 }
 
 impl Buffers {
-    /// Buffers of lists, behind `head` in that of words, where those of the last render were.
+    /// Creates buffers from lists, with `head` at the start of the words. The buffers of the last render are reused
+    /// if they were sent and have the same lengths.
     pub(super) fn new<'a>(
         floats: Plan<'a>,
         words: Plan<'a>,
@@ -160,7 +161,7 @@ impl Buffers {
     ) -> Self {
         let sent = last.sent.into_inner();
         let sent = sent.unwrap_or_else(PoisonError::into_inner);
-        // What was never sent is not on the device, and what is not as long has no room there.
+        // Unsent buffers are not on the device, and buffers of another length have no space there for the lists.
         let serves = sent.current
             && floats.length == last.floats.words.len()
             && words.length == last.words.words.len();
@@ -179,17 +180,18 @@ impl Buffers {
         }
     }
 
-    /// The headers of views, and the lists of words behind them.
+    /// Returns the words: the headers of views, then the lists.
     pub fn header(&self) -> &[u32] {
         &self.words.words
     }
 
-    /// Numbers of the longer one.
+    /// Returns the length of the longer buffer.
     pub fn longest(&self) -> usize {
         self.floats.words.len().max(self.words.words.len())
     }
 
-    /// The lists on the device, which are sent there once: of those of the last render what has changed.
+    /// Returns the lists on the device. The first call sends them: only the changed blocks if the last buffers are
+    /// reused.
     pub fn on_device(&self, client: &Client) -> [List; 3] {
         let mut sent = self.sent.lock().unwrap_or_else(PoisonError::into_inner);
         let here = StreamId::current();
@@ -208,22 +210,22 @@ impl Buffers {
         lists
     }
 
-    /// The streams of launches that read the lists.
+    /// Returns the streams whose launches read the lists.
     fn streams(&self) -> Vec<StreamId> {
         let sent = self.sent.lock().unwrap_or_else(PoisonError::into_inner);
         sent.streams.clone()
     }
 
-    /// Forgets what is on the device, after a launch that failed may have left anything there.
+    /// Drops the lists on the device, because a failed launch may have left them with undefined content.
     pub fn forget(&self) {
         *self.sent.lock().unwrap_or_else(PoisonError::into_inner) = Sent::default();
     }
 
-    /// Sends what has changed since the last render, and makes what follows from it.
+    /// Sends the blocks that have changed since the last render, and remakes the lists that depend on them.
     fn write(&self, client: &Client, [floats, words, _]: &[List; 3]) {
         let both = [&self.floats, &self.words];
         let numbers = both.map(|b| &b.changed[..]).concat();
-        // In parts that any device takes as one list.
+        // Each part fits into one list on any device.
         for (part, numbers) in numbers.chunks(AT_ONCE).enumerate() {
             let of_floats = self.floats.changed.len().saturating_sub(part * AT_ONCE);
             let of_floats = of_floats.min(numbers.len());
@@ -258,7 +260,7 @@ impl Buffers {
     }
 }
 
-/// Writes blocks into lists, the first ones into that of floats.
+/// Writes blocks into the two lists. The first `of_floats` blocks belong to the floats.
 #[cube(launch)]
 fn write_blocks(
     floats: &mut [u32],
@@ -280,12 +282,13 @@ fn write_blocks(
     }
 }
 
-/// The buffers of the last render with a cache, by group of views. They serve again on the same device, where no graph
-/// holds them and all launches that read them are in the stream of this thread: then what changes comes behind these.
+/// The buffers of the last render with a cache, one entry per group of views. They are reused on the same device if
+/// no graph holds them and all launches that read them are in the stream of this thread. Changes are then written
+/// after these launches.
 #[derive(Clone, Default)]
 pub(crate) struct LastBuffers(Arc<Mutex<Vec<Last>>>);
 
-/// Those of a group, and the device that they are on.
+/// The device and the buffers of a group.
 type Last = (Device, Arc<Buffers>);
 
 impl LastBuffers {
@@ -293,7 +296,7 @@ impl LastBuffers {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes those of all groups out.
+    /// Takes the buffers of all groups. Buffers that cannot be reused are replaced by empty ones.
     pub fn take(&self, device: &Device) -> impl Iterator<Item = Buffers> {
         let last = std::mem::take(&mut *self.lock()).into_iter();
         last.map(move |(on, buffers)| {
@@ -305,7 +308,7 @@ impl LastBuffers {
         })
     }
 
-    /// Keeps those of a render that has succeeded.
+    /// Stores the buffers of a render that has succeeded.
     pub fn keep(&self, device: &Device, buffers: impl Iterator<Item = Arc<Buffers>>) {
         *self.lock() = buffers.map(|buffers| (device.clone(), buffers)).collect();
     }

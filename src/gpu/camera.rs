@@ -12,7 +12,7 @@ pub(super) fn camera(scene: &Scene) -> Camera {
     camera_at(scene.settings, comptime!(scene.features.parallel).runtime())
 }
 
-/// A path's random numbers, and its camera ray.
+/// The random numbers of a path, and its camera ray.
 #[apply(record!)]
 pub(super) struct Beginning {
     pub numbers: Stream,
@@ -24,7 +24,7 @@ pub(super) struct Beginning {
 
 #[cube]
 impl Beginning {
-    /// Two pairs of random numbers, for the cones of a bounce and of a shadow ray.
+    /// Returns two pairs of random numbers, for the cones of a bounce ray and of a shadow ray.
     pub fn cone(&self, scene: &Scene, bounce: u32) -> Four {
         let mut drawn = Four::default();
         if comptime!(scene.features.cones) {
@@ -43,7 +43,7 @@ impl Beginning {
     }
 }
 
-/// The beginning of a path of a pixel.
+/// Returns the beginning of a path of a pixel.
 #[cube]
 pub(super) fn begin(scene: &Scene, pixel: u32, sample: u32) -> Beginning {
     let numbers = sampler(scene, OF_PATHS).stream(pixel, sample);

@@ -1,5 +1,5 @@
-//! The rays of an image, counted on request: its paths are traced once more, so that an image costs nothing more where
-//! nobody asks.
+//! Counts the rays of an image on request. The paths are traced once more, so an image without counts costs nothing
+//! extra.
 
 use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::backend::{Backend, Cube, Dispatch, backend_extension};
@@ -17,7 +17,7 @@ use crate::kernel::RayCounts;
 use crate::model::integers::total;
 use crate::trace::BOUNCES;
 
-/// Adds to a count, which has 64 bits in two words.
+/// Adds to a 64-bit count, which is stored in two words.
 #[cube]
 fn count(counts: &[Atomic<u32>], at: u32, more: u32) {
     let i = 2 * at as usize;
@@ -27,8 +27,8 @@ fn count(counts: &[Atomic<u32>], at: u32, more: u32) {
     }
 }
 
-/// Counts the rays of a piece, and how many of its paths looked for a next surface once, twice and so on: `of_view`
-/// counts for each view.
+/// Counts the rays of a piece, and its paths by how many rays they traced to a next surface. Each view has `of_view`
+/// counts.
 #[cube(launch)]
 fn count_rays(paths: Paths, counts: &[Atomic<u32>], of_view: u32) {
     if ABSOLUTE_POS < paths.piece.threads() as usize {
@@ -44,8 +44,8 @@ fn count_rays(paths: Paths, counts: &[Atomic<u32>], of_view: u32) {
 
 #[backend_extension(Cube)]
 pub(crate) trait CountBackend: Backend {
-    /// The number of rays, and of paths that looked for their next surface once, twice and so on, each in two words,
-    /// on the device of a tensor.
+    /// Returns the number of rays, and the numbers of paths that traced one, two, … rays to a next surface. Each
+    /// count has two words, and they are on the device of `like`.
     fn count(like: FloatTensor<Self>, job: Job) -> IntTensor<Self>;
 }
 
@@ -67,10 +67,10 @@ impl CountBackend for Cube {
     }
 }
 
-/// The counts of each view's image, read back from a device.
+/// Returns the counts of each view's image, read back from a device.
 ///
 /// # Errors
-/// If they can't be read.
+/// Returns an error if the counts cannot be read back.
 pub(crate) fn counts_of(device: &Device, job: &Job) -> Result<Vec<RayCounts>> {
     let like = Tensor::<1>::zeros([1], (device, DType::F32));
     let counts = <Dispatch as CountBackend>::count(like.into_dispatch(), job.clone());
@@ -82,12 +82,13 @@ pub(crate) fn counts_of(device: &Device, job: &Job) -> Result<Vec<RayCounts>> {
     Ok(of_view.map(counts_from).collect())
 }
 
-/// From pairs of words: rays, then paths that looked for their next surface so many times.
+/// Converts pairs of words: the number of rays, then the numbers of paths by how many rays they traced to a next
+/// surface.
 fn counts_from(words: &[i32]) -> RayCounts {
     let whole = |pair: &[i32]| u64::from(pair[0] as u32) | (u64::from(pair[1] as u32) << 32);
     let mut counts = words.chunks_exact(2).map(whole);
     let rays = counts.next().unwrap_or(0);
-    // Who looked three times looked a first and a second time too.
+    // A path with three rays to a next surface also counts for the first and the second.
     let mut bounces: Vec<u64> = counts.collect();
     let mut so_far = 0;
     for count in bounces.iter_mut().rev() {

@@ -1,4 +1,4 @@
-//! What kernels ask of a device, lists of numbers there, and burn's tensors.
+//! The requirements of kernels for a device, lists on the device, and burn's tensors.
 
 use burn::backend::ops::{FloatTensorOps, IntTensorOps};
 use burn::backend::tensor::{FloatTensor, IntTensor};
@@ -12,10 +12,10 @@ use burn::tensor::{Device, FloatDType, IntDType, Shape, Slice, Tensor};
 use crate::device::count_upload;
 use crate::scene::Identity;
 
-/// Lists that a kernel takes, at most.
+/// Maximum number of lists that a kernel takes.
 const LISTS: u32 = 7;
 
-/// A list on a device.
+/// A list of 32-bit numbers on a device.
 #[derive(Clone)]
 pub(crate) struct List {
     pub handle: Handle,
@@ -23,7 +23,7 @@ pub(crate) struct List {
 }
 
 impl List {
-    /// Sends lists of numbers of 32 bits to a device, all at once.
+    /// Sends lists of 32-bit numbers to a device in one transfer.
     pub fn send<const N: usize>(client: &Client, lists: [&[u8]; N]) -> [Self; N] {
         let alignment = client.properties().memory.alignment as usize;
         let mut all = Vec::with_capacity(lists.iter().map(|l| l.len() + alignment).sum());
@@ -54,24 +54,24 @@ impl List {
 
     #[allow(unsafe_code)]
     pub fn argument(&self) -> BufferArg {
-        // The handle was made with this length.
+        // The handle was created with this length.
         unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length) }
     }
 }
 
-/// Threads of a workgroup.
+/// Number of threads in a workgroup.
 pub(super) const GROUP: u32 = 64;
 
-/// Workgroups for so many threads, and the size of each.
+/// Returns the number of workgroups for `threads` threads, and their size.
 pub(super) fn groups(threads: usize) -> (CubeCount, CubeDim) {
-    /// Along one axis.
+    /// Maximum number of workgroups along one axis.
     const MOST: u32 = 65_535;
     let groups = (threads as u32).div_ceil(GROUP).max(1);
     let count = CubeCount::Static(groups.min(MOST), groups.div_ceil(MOST), 1);
     (count, CubeDim::new_1d(GROUP))
 }
 
-/// Launches a kernel with a number of threads at least; it takes lists on the device as they are.
+/// Launches a kernel with at least `$threads` threads. Lists on the device may be passed as they are.
 macro_rules! launch {
     ($client:expr, $threads:expr, $kernel:ident($($argument:expr),* $(,)?)) => {{
         #[allow(unused_imports)]
@@ -87,13 +87,13 @@ macro_rules! launch {
 }
 pub(super) use launch;
 
-/// Waits until a device has run all that was launched.
+/// Waits until a device has finished all launches.
 pub(super) fn wait(client: &Client) {
-    // What fails is reported where buffers are asked for.
+    // Failures are reported where buffers are requested.
     let _ = burn::cubecl::future::block_on(client.sync());
 }
 
-/// What a kernel takes: it has the method's name in common with lists, whose own comes first.
+/// A kernel argument. Lists have their own method of the same name, which takes precedence.
 pub(super) trait Argument: Sized {
     fn argument(self) -> Self {
         self
@@ -102,8 +102,9 @@ pub(super) trait Argument: Sized {
 
 impl<T> Argument for T {}
 
-/// With burn's fusion tensors may not be computed yet, and its clients have methods of these names, which compute
-/// them and come before a trait's. Without fusion all are computed.
+/// Computes tensors of burn's fusion. With fusion, tensors may not be computed yet, and its clients have methods of
+/// these names, which compute them and take precedence over a trait's methods. Without fusion, all tensors are
+/// computed.
 #[allow(dead_code)]
 trait Resolve {
     fn resolve_tensor_float<B>(&self, tensor: CubeTensor) -> CubeTensor {
@@ -123,13 +124,15 @@ fn list(tensor: CubeTensor) -> (Client, List) {
     (tensor.client, List { handle, length })
 }
 
-/// The numbers of a tensor in the order of its axes, and the client of its device.
+/// Returns the client of a tensor's device, and the list of its values. These are in the order of the axes if the
+/// tensor is contiguous.
 pub(super) fn floats(tensor: FloatTensor<Cube>) -> (Client, List) {
     let client = tensor.client.clone();
     list(client.resolve_tensor_float::<CubeBackend>(tensor))
 }
 
-/// What a tensor is known by while it is kept: burn then writes nothing to its memory. None on other devices.
+/// Returns an identifier of a tensor's memory, or `None` on other devices. It is valid while the tensor is kept,
+/// because burn then does not write to this memory.
 pub(crate) fn identity(tensor: &Tensor<1>) -> Option<Identity> {
     let tensor = tensor.clone().try_into_primitive::<Cube>().ok()?;
     let (_, List { handle, length }) = floats(tensor);
@@ -138,14 +141,15 @@ pub(crate) fn identity(tensor: &Tensor<1>) -> Option<Identity> {
     Some([memory as u64, place, length as u64])
 }
 
-/// A tensor of zeros, and the list of its numbers, which a kernel changes.
+/// Creates a tensor of zeros, and returns it with the list of its values, which a kernel changes.
 pub(super) fn zeros(like: &FloatTensor<Cube>, shape: Shape) -> (FloatTensor<Cube>, List) {
     let tensor = Cube::float_zeros(shape, &like.device(), FloatDType::F32);
     let (_, list) = floats(tensor.clone());
     (tensor, list)
 }
 
-/// The rows of some views, each of so many rows of a tensor of two axes, in the order of its axes.
+/// Returns the rows of some views as a contiguous tensor. Each view has `of_view` rows of the tensor, which has two
+/// axes.
 pub(super) fn rows_of(
     tensor: &FloatTensor<Cube>,
     views: &[usize],
@@ -153,7 +157,7 @@ pub(super) fn rows_of(
 ) -> FloatTensor<Cube> {
     let columns = Slice::from(0..tensor.shape()[1]);
     let shape = Shape::from([views.len() * of_view, tensor.shape()[1]]);
-    // Expanded and transposed tensors have their numbers elsewhere.
+    // Expanded and transposed tensors have another layout in memory.
     let mut room = Cube::float_zeros(shape, &tensor.device(), FloatDType::F32);
     let mut past = 0;
     for run in views.chunk_by(|a, b| a + 1 == *b) {
@@ -165,7 +169,7 @@ pub(super) fn rows_of(
     room
 }
 
-/// A tensor of whole numbers that are 0, and their list.
+/// Creates an integer tensor of zeros, and returns it with the list of its values.
 pub(super) fn int_zeros(like: &FloatTensor<Cube>, length: usize) -> (IntTensor<Cube>, List) {
     let tensor = Cube::int_zeros(Shape::from([length]), &like.device(), IntDType::I32);
     let client = tensor.client.clone();
@@ -173,7 +177,8 @@ pub(super) fn int_zeros(like: &FloatTensor<Cube>, length: usize) -> (IntTensor<C
     (tensor, numbers)
 }
 
-/// That a device has bindings for kernels, and room for lists of numbers; else what it lacks.
+/// Checks that a device has enough bindings for kernels and room for lists of numbers. Otherwise returns a message
+/// about what it lacks.
 pub(super) fn has_room(device: &Device, lists: &[(&str, usize)]) -> Result<(), String> {
     let DispatchDevice::Cube(cube) = device.clone().inner().as_dispatch().clone() else {
         return Ok(());
@@ -184,7 +189,7 @@ pub(super) fn has_room(device: &Device, lists: &[(&str, usize)]) -> Result<(), S
     fits(bindings, properties.memory.max_page_size, lists)
 }
 
-/// What a device with so many bindings and bytes of a buffer lacks for lists of numbers.
+/// Checks lists of numbers against the number of bindings and the maximum size of a buffer in bytes.
 fn fits(bindings: u32, bytes: u64, lists: &[(&str, usize)]) -> Result<(), String> {
     const INSTEAD: &str = "a tensor of a CPU's device renders there";
     if bindings < LISTS {
@@ -203,7 +208,7 @@ fn fits(bindings: u32, bytes: u64, lists: &[(&str, usize)]) -> Result<(), String
     }
 }
 
-/// An error's text, without the part for those who mend CubeCL.
+/// Returns the text of an error without CubeCL's backtrace.
 pub(super) fn without_backtrace(error: impl ToString) -> String {
     let text = error.to_string();
     let lines = text.lines().map(str::trim);

@@ -1,5 +1,5 @@
-//! Jumps of the image that the camera sees, one thread a sample: edges on the films of views, as pieces and a table of
-//! the films, and the kernel that draws them.
+//! Jumps of the image at edges that the camera sees: the edges on the films of views, as pieces with a table of the
+//! films, and the kernel that samples them, with one thread per sample.
 
 use rayon::prelude::*;
 
@@ -23,15 +23,16 @@ use crate::trace::{
     film_point, hides, sampler,
 };
 
-/// Numbers of a piece: its first and last λ, the weight that may jump there, which becomes a sum over its block, its
-/// edge, and the cell of the film that it is in; the last two are whole numbers, which f32 holds up to [`WHOLE`].
-/// Behind all pieces are sums over blocks.
+/// Number of values of a piece of an edge: its first and last λ, its weight by how much may jump there, its edge, and
+/// its cell of the film. The weight is later replaced by a running sum within its block. The edge and the cell are
+/// whole numbers, which f32 represents up to [`WHOLE`]. Running sums over blocks follow all pieces.
 pub(super) const OF_PIECE: u32 = 5;
 pub(super) const WHOLE: f32 = 16_777_216.0;
 
-/// Words of the table for each view. The number of samples of all views so far, and the most that are its own; its
-/// first piece, and the one past the last; the number of blocks of all views so far; the radius of the pixel filter,
-/// by its bits. Then what kernels leave: the sum of all weights, by its bits, and the number of its samples.
+/// Words of the table for each view: the maximum number of samples of the views up to and including this one, the
+/// maximum number of its own samples, its first piece, the end of its pieces (exclusive), the number of blocks of the
+/// views up to and including this one, and the bits of the pixel filter's radius. Kernels then write the bits of the
+/// sum of all weights, and the number of the view's samples.
 const ALL: usize = 0;
 pub(super) const MOST: usize = 1;
 pub(super) const FIRST_PIECE: usize = 2;
@@ -42,24 +43,24 @@ pub(super) const TOTAL: usize = 6;
 pub(super) const OWN: usize = 7;
 pub(super) const OF_FILM: u32 = 8;
 
-/// Edges on the films of views.
+/// The edges on the films of views.
 #[derive(Default)]
 pub(crate) struct Films {
-    /// [`OF_PIECE`] numbers for each, one view after another, and room for sums over blocks.
+    /// [`OF_PIECE`] values for each piece, one view after another, and space for running sums over blocks.
     pub(super) pieces: Vec<f32>,
     pub(super) count: u32,
-    /// The table, then the row of each pixel if not all are asked for.
+    /// The table, then the row of each pixel if only listed pixels are rendered.
     pub(super) table: Vec<u32>,
-    /// Samples of all views at most, and blocks.
+    /// The maximum number of samples of all views, and the number of blocks.
     pub(super) samples: u32,
     pub(super) blocks: u32,
 }
 
 impl Films {
-    /// Of the views of a job.
+    /// Creates the pieces and the table for the views of a job.
     pub fn new(views: &[ViewPlaces], job: &Job) -> Self {
         let mut films = Self::default();
-        // So many at most that their numbers have room.
+        // Limited, so that u32 can number the samples of all views.
         let most = u32::MAX / 2 / views.len().max(1) as u32;
         let samples = samples_of_film(job.of_view as u32, job.samples).min(most);
         let pieces = |v: &ViewPlaces| v.0.film_pieces(|_| 1.0);
@@ -95,7 +96,8 @@ impl Films {
     }
 }
 
-/// The view that a sample, a piece or a block belongs to, by the word of the table that counts those of all views so far.
+/// Returns the view of a sample, piece or block. `word` selects the table's running count of samples, pieces or
+/// blocks.
 #[cube]
 pub(super) fn view_of(table: &[u32], views: u32, number: u32, #[comptime] word: usize) -> u32 {
     let mut low = 0u32;
@@ -111,7 +113,7 @@ pub(super) fn view_of(table: &[u32], views: u32, number: u32, #[comptime] word: 
     low
 }
 
-/// The number of blocks of the views before one.
+/// Returns the number of blocks of the views before `view`.
 #[cube]
 pub(super) fn blocks_before(films: &[u32], view: u32) -> u32 {
     let mut before = 0u32;
@@ -121,7 +123,7 @@ pub(super) fn blocks_before(films: &[u32], view: u32) -> u32 {
     before
 }
 
-/// The place of a pixel of the film in the rows of a view's image, or [`NONE`].
+/// Returns the row of a film pixel in a view's image, or [`NONE`].
 #[cube]
 fn row_of(scene: &Scene, places: &[u32], x: f32, y: f32, #[comptime] listed: bool) -> u32 {
     let mut row = NONE.runtime();
@@ -134,8 +136,9 @@ fn row_of(scene: &Scene, places: &[u32], x: f32, y: f32, #[comptime] listed: boo
     row
 }
 
-/// The samples of a launch on the films of views: a number of them from a first one on, of all views; or with `spread`
-/// so many of each view, spread over its own. There are `count` pieces.
+/// The samples of a launch on the films of views: consecutive samples of all views from `first` on. If `spread` is
+/// not 0, they are `spread` samples of each view, spread evenly over the view's samples. `count` is the number of
+/// pieces.
 #[apply(argument!)]
 pub(super) struct FilmSamples {
     first: u32,
@@ -146,7 +149,7 @@ pub(super) struct FilmSamples {
     count: u32,
 }
 
-/// A sample on the film of a view, and the number of all that count there.
+/// A sample on the film of a view, and the total number of samples on that film.
 #[apply(record!)]
 struct FilmSample {
     view: u32,
@@ -173,7 +176,7 @@ impl FilmSamples {
     }
 }
 
-/// Adds the derivatives by jumps on the film.
+/// Adds the derivatives from jumps on the film.
 #[cube(launch)]
 pub(super) fn film_jumps(
     views: Views,
@@ -227,7 +230,7 @@ pub(super) fn film_jumps(
                         cones: sampler(&scene, OF_CONES).stream(NO_PIXEL, sample),
                         film,
                         time: at.time,
-                        // It begins beside the edge.
+                        // Unused: the path begins beside the edge.
                         ray: CameraRay::default(),
                     };
                     add_film_jump(&scene, &sums, &c, &mut f, &g, path);
@@ -237,7 +240,8 @@ pub(super) fn film_jumps(
     }
 }
 
-/// Adds the derivatives by the jump at a point of an edge, of the loss by the pixel that sees it, if nothing hides it.
+/// Adds the derivatives from the jump at a point of an edge, unless an occluder hides the point. `g` is the
+/// derivative of the loss with respect to the pixel that sees it.
 #[cube]
 fn add_film_jump(
     scene: &Scene,

@@ -1,4 +1,4 @@
-//! Sums turned into the gradient of the tensors that they are of, on the device.
+//! Converts sums into the gradient of the tensors, on the device.
 
 use std::ops::Range;
 
@@ -13,33 +13,34 @@ use crate::trace::{
     AREAS, CAMERAS, LIGHTS, OF_CAMERA, OF_LIGHT, PARTS, Scene, TRIANGLES, VERTICES,
 };
 
-/// The places of a view's tensors in a gradient.
+/// The ranges of a view's tensors in a gradient.
 pub(crate) type TensorPlaces<'a> = &'a [(ParameterId, Range<usize>)];
 
-/// A view, and the places of its scene's and camera's tensors.
+/// A view, and the ranges of the tensors of its scene and of its camera.
 pub(crate) type ViewPlaces<'a> = (&'a View, TensorPlaces<'a>, TensorPlaces<'a>);
 
-/// Words of a tensor: its first number in the gradient, how many are before it in the table, its first sum, its part,
-/// how it follows from sums, numbers of a row of it and of a row of sums, where its factor or its matrix begins, and its
-/// view.
+/// Number of words of a tensor in the table: its first element in the gradient, the number of elements before it in
+/// the table, its first sum, its part, its kind, the lengths of its rows and of the rows of sums, the start of its
+/// factor or matrix, and its view.
 const OF_TENSOR: usize = 9;
-/// Sums times a factor; the same of vertices, which triangles move with; a matrix times sums.
+/// Kinds of tensors: sums times a factor; the same for vertices, plus the derivatives from their triangles; a matrix
+/// times sums.
 const ROWS: u32 = 0;
 const OF_VERTICES: u32 = 1;
 const MATRIX: u32 = 2;
 
-/// How the gradient of views' tensors follows from sums.
+/// How the gradient of the views' tensors is computed from sums.
 #[derive(Default)]
 pub(super) struct Table {
     pub words: Vec<u32>,
     pub factors: Vec<f32>,
-    /// The numbers of all tensors.
+    /// The number of elements of all tensors.
     pub numbers: usize,
     view: u32,
 }
 
 impl Table {
-    /// Of cameras, and of a scene where a view is the first one of it.
+    /// Creates the table for all cameras, and for each scene at its first view.
     pub fn new(sums: &Places, views: &[ViewPlaces]) -> Self {
         let mut table = Self::default();
         for (v, &(view, scene, camera)) in views.iter().enumerate() {
@@ -97,7 +98,7 @@ impl Table {
         self.numbers += to.len();
     }
 
-    /// Adds a tensor whose gradient is `by` of some sums, which is linear.
+    /// Adds a tensor whose gradient is the linear function `by` of some sums.
     fn add_matrix(
         &mut self,
         to: &Range<usize>,
@@ -117,7 +118,7 @@ impl Table {
     }
 }
 
-/// The part of a vertex's derivative that comes from the normals and areas of its triangles.
+/// Returns the part of a vertex's derivative that comes from the normals and areas of its triangles.
 #[cube]
 fn of_triangles(scene: &Scene, sums: &[u32], scales: &[f32], vertex: u32) -> V3 {
     let mut by = splat(0.0);
@@ -151,7 +152,7 @@ fn of_triangles(scene: &Scene, sums: &[u32], scales: &[f32], vertex: u32) -> V3 
     by
 }
 
-/// Adds the gradient of views' tensors to that of all, one thread a number.
+/// Adds the gradient of the views' tensors to the gradient of all tensors, one thread per element.
 #[cube(launch)]
 pub(super) fn write_gradient(
     views: Views,
@@ -163,7 +164,7 @@ pub(super) fn write_gradient(
     numbers: u32,
 ) {
     if ABSOLUTE_POS < numbers as usize {
-        // The last tensor that begins there or before.
+        // Find the last tensor that begins at or before the element.
         let mut tensor = 0usize;
         let mut past = table.len() / OF_TENSOR;
         while past - tensor > 1 {

@@ -1,5 +1,5 @@
-//! Rays through the tree of boxes: the nearest triangle, or whether there is any. The same tests as
-//! `accel/hits`, one triangle at a time.
+//! Traversal of the BVH for rays: the nearest hit, or any hit. It uses the same tests as `accel/hits`, for one
+//! triangle at a time.
 
 use crate::cube::*;
 
@@ -8,8 +8,8 @@ use crate::model::lists::vector;
 use crate::model::{V3, v3};
 use crate::trace::{Faces, NONE, Scene};
 
-/// Memory of a thread: a stack of nodes of the tree, each with the distance of its box, and room for the choice of an
-/// emitter.
+/// The memory of a thread: a stack of BVH nodes with the entry distances of their bounding boxes, and space for the
+/// choice of an emitter.
 #[derive(CubeType)]
 pub(super) struct Memory {
     pub stack: Array<u32>,
@@ -28,7 +28,7 @@ impl Memory {
     }
 }
 
-/// A ray, and the distance up to which hits count.
+/// A ray, and the maximum distance of hits.
 #[apply(record!)]
 pub(super) struct Ray {
     pub origin: V3,
@@ -37,20 +37,20 @@ pub(super) struct Ray {
     pub limit: f32,
 }
 
-/// A ray on its way through the tree.
+/// A ray during traversal.
 #[apply(record!)]
 struct Cast {
     ray: Ray,
-    /// Hits are farther than this.
+    /// Hits must be farther than this distance.
     from: f32,
-    /// What triangles and boxes are grown by.
+    /// The margin by which triangles and boxes are enlarged.
     margin: f32,
     unseen: Faces,
-    /// Whether any hit will do.
+    /// Whether the first hit ends the traversal, even if it is not the nearest.
     any: bool,
 }
 
-/// The distance at which a ray hits a triangle, a limit if it does not.
+/// Returns the distance at which a ray hits a triangle, or `limit` if it misses.
 #[cube]
 fn meet(scene: &Scene, at: u32, cast: Cast, limit: f32) -> f32 {
     let ray = cast.ray;
@@ -79,7 +79,7 @@ fn meet(scene: &Scene, at: u32, cast: Cast, limit: f32) -> f32 {
     t
 }
 
-/// The distance at which a ray enters a box, a number over a limit if it does not.
+/// Returns the distance at which a ray enters a box, or `f32::MAX` if it misses.
 #[cube]
 fn enter(scene: &Scene, at: u32, cast: Cast, inverse: V3, limit: f32) -> f32 {
     let low = vector(scene.boxes, at) - cast.ray.origin;
@@ -95,8 +95,8 @@ fn enter(scene: &Scene, at: u32, cast: Cast, inverse: V3, limit: f32) -> f32 {
     select(near <= far, near, f32::MAX)
 }
 
-/// Meets triangles that follow each other in the tree, and takes the nearest if it is nearer than that which is known;
-/// with `any` the first.
+/// Intersects a ray with triangles that are consecutive in the tree, and updates the nearest hit. With `any`, the
+/// first hit ends the loop.
 #[cube]
 fn meet_all(
     scene: &Scene,
@@ -127,15 +127,15 @@ fn meet_all(
     }
 }
 
-/// 1/d, of a number that is not too small.
+/// Returns 1/d, where d is replaced by ±1e-12 if its size is smaller.
 #[cube]
 fn safe_inverse(d: f32) -> f32 {
     let least = select(d < 0.0, -1e-12f32, 1e-12f32);
     1.0 / select(d.abs() < 1e-12, least, d)
 }
 
-/// The nearest triangle that a ray hits; with `any` any, which takes less time. With `selects` some are left out,
-/// else none.
+/// Returns the nearest hit of a ray. With `any`, it returns any hit, which takes less time. With `selects`, the
+/// triangles in `unseen` are skipped; otherwise no triangle is.
 #[cube]
 pub(super) fn trace(
     scene: &Scene,
@@ -145,8 +145,8 @@ pub(super) fn trace(
     any: bool,
     #[comptime] selects: bool,
 ) -> Hit {
-    // A distant origin would round by more than triangles are large: begin where the ray is nearest to the
-    // origin of coordinates.
+    // The rounding error of a distant origin would exceed the size of triangles. So the ray starts where it is
+    // nearest to the origin of coordinates.
     let along = -asked.origin.dot(asked.direction);
     let skipped = select(along * along > 256.0, along, 0.0f32);
     let origin = asked.origin + asked.direction * skipped;
@@ -205,7 +205,7 @@ pub(super) fn trace(
                 }
             }
             if popped {
-                // The last one whose box is not behind what was hit.
+                // Pop the last node whose box is not behind the hit.
                 going = false;
                 while top > 0 && !going {
                     top -= 1;

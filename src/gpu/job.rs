@@ -1,4 +1,4 @@
-//! What is rendered, and in which pieces.
+//! The work of a render on a GPU, and its division into pieces.
 
 use std::sync::Arc;
 
@@ -13,15 +13,15 @@ use crate::device::label;
 use crate::error::{Error, Result};
 use crate::trace::{Features, Scene};
 
-/// The rows of an image that are asked for beside radiance.
+/// The requested rows of an image beside radiance.
 #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
 pub(crate) struct Outputs {
     pub opacity: bool,
     pub depth: bool,
     pub normals: bool,
-    /// Rows of shares of objects, the background's with them; 0 if they are not asked for.
+    /// The number of rows for shares of objects, including the background; 0 if they are not requested.
     pub objects: usize,
-    /// The number of rays, as a last row.
+    /// Whether the last row is the number of rays.
     pub rays: bool,
 }
 
@@ -35,36 +35,36 @@ impl Outputs {
     }
 }
 
-/// Views, and what of them is rendered.
+/// Views, with the pixels, samples and outputs to render.
 #[derive(Clone)]
 pub(crate) struct Job {
     pub views: Arc<Packed>,
-    /// All pixels if there is no list.
+    /// The pixels to render in each view, or `None` for all pixels.
     pub pixels: Option<Arc<Vec<u32>>>,
-    /// Pixels of a view.
+    /// The number of pixels to render in each view.
     pub of_view: usize,
-    /// The first sample of each pixel, and their number.
+    /// The first sample of each pixel, and the number of samples.
     pub from: u32,
     pub samples: u32,
     pub outputs: Outputs,
-    /// Whether its backward pass reads back how many searches for edges are made.
+    /// Whether the backward pass reads back the number of searches for edges.
     pub statistics: bool,
 }
 
-/// Paths of a launch at most, so that no launch is long.
+/// Maximum number of paths in a launch, which limits the duration of a launch.
 pub(super) const PATHS: usize = 1 << 20;
 
-/// The part of a job that a launch serves: samples of pixels, which are counted over all views.
+/// The part of a job that one launch computes: samples of pixels. Pixels are numbered over all views.
 #[apply(argument!)]
 pub(super) struct Piece {
-    /// The first pixel, the distance to the next, and their number.
+    /// The first pixel, the distance to the next pixel, and the number of pixels.
     pub first: u32,
     pub stride: u32,
     pub count: u32,
-    /// The first sample of each, and the one past the last.
+    /// The first sample of each pixel, and the end of the samples (exclusive).
     pub from: u32,
     pub past: u32,
-    /// Samples that a thread takes of its pixel.
+    /// The number of samples of a pixel that one thread computes.
     pub each: u32,
 }
 
@@ -75,7 +75,7 @@ impl Piece {
     }
 }
 
-/// Views as kernels take them.
+/// Views as a kernel argument.
 #[apply(argument!)]
 pub(super) struct Views {
     floats: &'static [f32],
@@ -91,11 +91,11 @@ impl Views {
     }
 }
 
-/// The paths of a launch.
+/// The paths of a launch as a kernel argument.
 #[apply(argument!)]
 pub(super) struct Paths {
     pub views: Views,
-    /// The pixels of a view, if not all are asked for.
+    /// The pixels to render in each view, if `listed`; otherwise all pixels are rendered.
     pixels: &'static [u32],
     pub piece: Piece,
     of_view: u32,
@@ -106,7 +106,7 @@ pub(super) struct Paths {
 /// The first path of a thread.
 #[apply(record!)]
 pub(super) struct PathAt {
-    /// The place of its pixel among those of all views.
+    /// The index of its pixel among the pixels of all views.
     pub row: u32,
     pub view: u32,
     pub pixel: u32,
@@ -131,12 +131,12 @@ impl Paths {
 }
 
 impl Job {
-    /// Pixels of all views.
+    /// Returns the number of pixels to render in all views.
     pub fn count(&self) -> usize {
         self.views.views * self.of_view
     }
 
-    /// All samples in pieces of so many paths at most.
+    /// Divides all samples into pieces of at most `paths` paths, but of at least one path.
     pub(super) fn pieces(&self, paths: usize) -> Vec<Piece> {
         let at_once = paths.clamp(1, self.count().max(1));
         let samples_at_once = (paths / at_once).max(1) as u32;
@@ -159,7 +159,7 @@ impl Job {
         pieces
     }
 
-    /// The lists of its views, and that of its pixels.
+    /// Returns the lists of the views and the list of the pixels, on the device.
     pub(super) fn lists(&self, client: &Client) -> [List; 3] {
         let [floats, words, none] = self.views.buffers.on_device(client);
         let pixels = self.pixels.as_ref();
@@ -168,12 +168,12 @@ impl Job {
         [floats, words, pixels]
     }
 
-    /// Its views for kernels that need some features of them.
+    /// Returns the views as an argument for kernels that use `features`.
     pub(super) fn views(&self, [floats, words, _]: &[List; 3], features: Features) -> ViewsLaunch {
         ViewsLaunch::new(floats.argument(), words.argument(), features)
     }
 
-    /// The paths of a piece.
+    /// Returns the paths of a piece as a kernel argument.
     pub(super) fn paths(&self, lists: &[List; 3], p: Piece) -> PathsLaunch {
         PathsLaunch::new(
             self.views(lists, self.views.features),
@@ -185,10 +185,10 @@ impl Job {
     }
 }
 
-/// That a device has what views take: bindings, and room for each list.
+/// Checks that a device supports the bindings of the kernels and the lengths of the lists.
 ///
 /// # Errors
-/// With the name of the device, and the list that is too long for it.
+/// Returns an error with the name of the device, and the missing bindings or the list that is too long.
 pub(crate) fn check<'a>(
     device: &Device,
     jobs: impl Iterator<Item = &'a Job>,

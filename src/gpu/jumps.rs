@@ -1,5 +1,5 @@
-//! Jumps of the light that arrives at a point of a path, and the light beside edges, in a thread of a GPU: that of paths
-//! that start on both sides, from the faces there or from the surface behind.
+//! Jumps of the light that arrives at a point of a path, in a thread of a GPU. The light beside edges comes from
+//! paths that start on both sides: on the faces of the edge, or on the surface behind it.
 
 use crate::cube::*;
 
@@ -21,20 +21,22 @@ use crate::trace::{
     point_at, reflected_backward, sampler, search, shadow_backward, sky,
 };
 
-/// How many searches a point that counts for so much makes on average.
+/// Returns the mean number of searches of a point. `counts` is the size of the derivative that the point carries,
+/// relative to a typical camera ray.
 #[cube]
 pub(super) fn searches_of(scene: &Scene, counts: f32, #[comptime] of_light: bool) -> f32 {
     mean_searches(usual_searches(of_light, scene.samples_log), counts)
 }
 
-/// The searches that a point may make, one after another: for edges of shadows of emitters, or for edges that it reflects.
+/// The possible searches of a point, one after another: for shadow edges of emitters, or for edges in reflected
+/// light.
 #[apply(record!)]
 pub(super) struct Searches {
-    /// Those so far.
+    /// The number of possible searches so far, made or skipped.
     before: u32,
-    /// How many are made on average.
+    /// The mean number of searches that are made.
     mean: f32,
-    /// Whether there is another one, one of so many, and its random numbers.
+    /// Whether another search is made, the maximum number of searches, and the random numbers of the search.
     pub made: bool,
     pub count: u32,
     pub drawn: Four,
@@ -43,7 +45,7 @@ pub(super) struct Searches {
 
 #[cube]
 impl Searches {
-    /// Before the first of a point of a path which makes so many on average.
+    /// Creates the state before the first search of a point that makes `mean` searches on average.
     pub fn new(mean: f32) -> Searches {
         Searches {
             before: 0u32,
@@ -55,7 +57,7 @@ impl Searches {
         }
     }
 
-    /// Goes on to the next one that is made.
+    /// Advances to the next search that is made.
     pub fn next(
         &mut self,
         scene: &Scene,
@@ -82,7 +84,7 @@ impl Searches {
     }
 }
 
-/// A tree over edges: the first over all, the second over those that move.
+/// Returns a tree over edges: tree 0 has all edges, tree 1 the moving edges.
 #[cube]
 fn root_of<'a>(scene: &Scene<'a>, tree: u32, #[comptime] has_nodes: bool) -> Root<'a> {
     let list = &scene.edge_trees[(OF_TREE * tree) as usize..];
@@ -98,7 +100,8 @@ fn root_of<'a>(scene: &Scene<'a>, tree: u32, #[comptime] has_nodes: bool) -> Roo
     }
 }
 
-/// Adds the derivatives by jumps at edges of shadows of emitters seen from a point of a path, or at edges that it reflects.
+/// Adds the derivatives from jumps seen from a point of a path: at shadow edges of emitters, or at edges in reflected
+/// light.
 #[cube]
 pub(super) fn jumps_seen_from(
     scene: &Scene,
@@ -145,7 +148,8 @@ pub(super) fn jumps_seen_from(
     }
 }
 
-/// Adds the derivatives by a jump of the light of emitters, or of reflected light, if nothing hides the edge.
+/// Adds the derivatives from a jump of the light of emitters, or of reflected light, unless an occluder hides the
+/// edge.
 #[cube]
 fn add_jump(
     scene: &Scene,
@@ -192,15 +196,15 @@ fn add_jump(
     }
 }
 
-/// Normals on both sides of a crease.
+/// The normals on both sides of a crease.
 #[apply(zeroed!)]
 struct Normals {
     pair: Pair,
-    /// Whether directions about them are mirrored, too.
+    /// Whether mirrored directions about the normals are traced too.
     mirrors: bool,
 }
 
-/// The normals on both sides of a crease, by a ray past its edge and what that hits.
+/// Returns the normals on both sides of a crease, from the hit of a ray past its edge.
 #[cube]
 fn normals_beside(scene: &Scene, a: &Approach, behind: &Hit, time: f32) -> Normals {
     let mut found = Normals::default();
@@ -222,8 +226,9 @@ fn normals_beside(scene: &Scene, a: &Approach, behind: &Hit, time: f32) -> Norma
     found
 }
 
-/// The light that arrives beside an edge's point on the − side less that on the + side, of paths that begin there at a
-/// bounce, if they go on; with `film` what the camera sees of it.
+/// Returns the light on the − side of an edge's point minus the light on the + side. If `goes_on`, paths that start
+/// on both sides at a bounce compute the light of surfaces. With `film`, the emission of these surfaces and the
+/// environment always count, as the camera sees them.
 #[cube]
 pub(super) fn light_beside(
     scene: &Scene,
@@ -242,7 +247,7 @@ pub(super) fn light_beside(
     if paired {
         normals = normals_beside(scene, a, behind, time);
     }
-    // On both sides; at a crease twice, with directions mirrored.
+    // One path on each side; two if directions are mirrored, with the mirrored directions first.
     let mut left = 2u32;
     let mut sign = 1.0f32;
     if normals.mirrors {
@@ -251,7 +256,7 @@ pub(super) fn light_beside(
     }
     while left > 0 {
         let at = beside(scene, a, behind, sign < 0.0, time);
-        // As one condition with what follows, or without an else, this loses the light of maps (CubeCL 0.11, SPIR-V).
+        // CubeCL 0.11 (SPIR-V) loses the light of maps if this condition is merged with the next, or has no `else`.
         if at.triangle == NONE {
             if comptime!(film || scene.features.sees_sky) {
                 light.radiance += sky(scene, a.view) * sign;

@@ -1,4 +1,4 @@
-//! An image on burn's devices: its kernels, in launches that are not long.
+//! Images on burn's devices: the kernels, and launches of limited duration.
 
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Cube, Dispatch, backend_extension};
@@ -15,7 +15,7 @@ use crate::device::label;
 use crate::error::{Error, Result};
 use crate::trace::{NONE, Scene, UNIT};
 
-/// Adds what a path sees to a row of an image, times a factor.
+/// Adds the result of a path, times a factor, to a row of an image.
 #[cube]
 fn add_to_row(
     scene: &Scene,
@@ -57,8 +57,8 @@ fn add_to_row(
     }
 }
 
-/// Adds the means over samples of pixels to rows, from a first row on; or sets rows to them, where they are `fresh`.
-/// Threads of a pixel have samples each, in rows of their own.
+/// Adds samples of pixels, times `scale`, to the rows of an image from a first row on. If `fresh` is 1, the rows are
+/// set to zero first. Several threads of one pixel each have their own samples and their own row.
 #[cube(launch)]
 fn render_pixels(
     paths: Paths,
@@ -90,7 +90,8 @@ fn render_pixels(
     }
 }
 
-/// Adds rows of chunks of samples to those of an image, in order, or sets these to them.
+/// Adds the rows of chunks of samples to the rows of an image, in a fixed order. If `fresh` is 1, they replace these
+/// rows.
 #[cube(launch)]
 fn add_chunks(partial: &[f32], image: &mut [f32], first: u32, chunks: u32, fresh: u32) {
     let length = partial.len() / chunks as usize;
@@ -107,12 +108,13 @@ fn add_chunks(partial: &[f32], image: &mut [f32], first: u32, chunks: u32, fresh
     }
 }
 
-/// Threads that keep a GPU busy, about.
+/// Approximate number of threads that keep a GPU busy.
 const THREADS: usize = 1 << 17;
 
 #[backend_extension(Cube)]
 pub(crate) trait GpuBackend: Backend {
-    /// The rows of all views `[B·P, C]`, on the device of a tensor, and why they could not be computed if so.
+    /// Returns the rows of all views `[B·P, C]`, on the device of `like`. If they cannot be computed, `failed` is set
+    /// to the reason.
     fn trace(like: FloatTensor<Self>, job: Job, failed: &mut Option<String>) -> FloatTensor<Self>;
 }
 
@@ -125,7 +127,7 @@ impl GpuBackend for Cube {
         for piece in job.pieces(PATHS) {
             let samples = piece.past - piece.from;
             let count = piece.count as usize;
-            // A pixel's samples are shared by threads where pixels are few.
+            // If pixels are few, several threads share the samples of a pixel.
             let chunks = (THREADS / count).clamp(1, samples as usize) as u32;
             let each = samples.div_ceil(chunks);
             let piece = Piece { each, ..piece };
@@ -157,18 +159,18 @@ impl GpuBackend for Cube {
                 );
             }
         }
-        // Buffers that could not be had and kernels that could not be compiled are known now.
+        // This check reports buffers that could not be allocated and kernels that could not be compiled.
         *failed = client.check([&image.handle]).err().map(without_backtrace);
         tensor
     }
 }
 
-/// Renders on a device: rows `[B·P, C]`.
+/// Renders a job on a device, and returns rows `[B·P, C]`.
 ///
 /// # Errors
-/// If buffers can't be had, or kernels can't be compiled.
+/// Returns an error if buffers cannot be allocated or kernels cannot be compiled.
 pub(crate) fn trace(device: &Device, job: Job) -> Result<Tensor<2>> {
-    // The device is known by a tensor that lies there.
+    // A tensor on the device selects it.
     let like = Tensor::<1>::zeros([1], (device, DType::F32));
     let mut failed = None;
     let image = <Dispatch as GpuBackend>::trace(like.into_dispatch(), job, &mut failed);

@@ -1,5 +1,5 @@
-//! The backward pass on burn's devices: derivatives are measured, then added up and turned into gradients, without the
-//! host in between.
+//! The backward pass on burn's devices: derivatives are measured, then summed and converted into gradients. Nothing
+//! is read back in between, except for statistics.
 
 use burn::backend::Cube;
 use burn::backend::tensor::FloatTensor;
@@ -20,15 +20,17 @@ use super::sums::{
 use crate::device::{self, label, stage};
 use crate::trace::{BOUNCES, FIRST_SUM, Features, MEASURE, PARTS};
 
-/// Words of a launch's records at most.
+/// Maximum number of words of the paths' records in a launch, unless one path needs more.
 const RECORDS: usize = 1 << 25;
-/// Pixels, and samples of films, that are looked at for the sizes of derivatives, at least.
+/// Approximate minimum number of pixels, and of film samples, in the measurement of derivatives.
 const MEASURED: usize = 4096;
 
-/// The gradient `[N]` of all tensors, from that of the rows of all views `[B·P, C]`, each group of views by a job.
+/// Returns the gradient `[N]` of all tensors, from the gradient of the rows of all views `[B·P, C]`. Each group of
+/// views has its own job.
 ///
 /// # Panics
-/// If buffers can't be had, or kernels can't be compiled.
+/// Panics if buffers cannot be allocated, if kernels cannot be compiled, if the device has no room for the edges on
+/// films or the table of pixels, or if a group of views has [`WHOLE`] or more edges or cells.
 pub(crate) fn gradient_of(
     device: &Device,
     upstream: &FloatTensor<Cube>,
@@ -61,7 +63,7 @@ pub(crate) fn gradient_of(
         let rows = rows_of(upstream, group, job.of_view);
         Pass::new(rows, job, &films, &views).run(&list);
     }
-    // Buffers that could not be had and kernels that could not be compiled are known now.
+    // This check reports buffers that could not be allocated and kernels that could not be compiled.
     let (client, _) = floats(gradient.clone());
     if let Err(why) = client.check([&list.handle]) {
         fail(without_backtrace(why));
@@ -69,7 +71,7 @@ pub(crate) fn gradient_of(
     gradient
 }
 
-/// The launches of a backward pass.
+/// The launches of a backward pass for one job.
 pub(super) struct Pass<'a> {
     pub client: Client,
     pub job: &'a Job,
@@ -80,20 +82,21 @@ pub(super) struct Pass<'a> {
     pub pieces: List,
     pub table: List,
     pub scales: List,
-    /// The largest derivatives of parts, and room for all sums.
+    /// The largest derivatives of parts, and space for all sums.
     sizes: List,
     sums: List,
-    /// How gradients follow from sums.
+    /// How gradients are computed from sums.
     tensors: Table,
     of_tensors: [List; 2],
-    /// Paths of a launch.
+    /// Maximum number of paths in a launch.
     at_once: usize,
-    /// Bits of derivatives, times their scale.
+    /// Number of bits of each scaled derivative.
     bits: i32,
 }
 
 impl<'a> Pass<'a> {
-    /// From the derivatives by the rows of a job's views, in the order of their axes.
+    /// Prepares a pass from the derivatives of the loss with respect to the rows of a job's views, in a contiguous
+    /// tensor.
     fn new(
         upstream: FloatTensor<Cube>,
         job: &'a Job,
@@ -143,7 +146,7 @@ impl<'a> Pass<'a> {
         pass
     }
 
-    /// Measures derivatives, adds them up, and adds the gradients of tensors to those of all.
+    /// Measures derivatives, sums them, and adds the gradients of the tensors to `gradient`.
     fn run(self, gradient: &List) {
         if self.tensors.numbers == 0 {
             return;
@@ -154,7 +157,7 @@ impl<'a> Pass<'a> {
         while let Some(piece) = pieces.next() {
             self.add_paths(piece, &self.sums);
             self.count_searches(piece);
-            // The last ones together with the first samples of films.
+            // The replicas of the last piece are added together with those of the first film samples.
             if pieces.peek().is_some() || samples == 0 {
                 self.fold();
             }
@@ -179,11 +182,11 @@ impl<'a> Pass<'a> {
         );
     }
 
-    /// Chooses scales by the sizes of the derivatives of some samples of paths and of films.
+    /// Chooses scales from the sizes of the derivatives of some paths and film samples.
     fn measure(&self) {
         let paths = self.job.count().saturating_mul(self.job.samples as usize);
         let stride = self.job.count().div_ceil((paths / 16).max(MEASURED));
-        // Odd, so that it is not that of columns.
+        // Odd, so that it is not the distance of image columns.
         let stride = stride.max(1) | 1;
         let some = Piece {
             first: 0,
@@ -206,7 +209,7 @@ impl<'a> Pass<'a> {
         );
     }
 
-    /// Adds what a launch left in replicas to the sums of all.
+    /// Adds the replicas of a launch to the sums of all launches.
     fn fold(&self) {
         let sums = &self.job.views.sums;
         let numbers = sums.count as u32;
@@ -217,7 +220,7 @@ impl<'a> Pass<'a> {
         );
     }
 
-    /// The derivatives of the loss, times a factor, and scales of sums.
+    /// Returns the derivatives of the loss, times a factor, and the scales of sums as a kernel argument.
     pub fn loss(&self, scale: f32) -> LossLaunch {
         let upstream = self.upstream.argument();
         LossLaunch::new(upstream, self.scales.argument(), scale, self.job.outputs)
@@ -247,7 +250,7 @@ impl<'a> Pass<'a> {
                 count_searches(paths(), loss(), &self.records, points as u32)
             );
             launch!(&self.client, 1, add_before(&self.records, first, count));
-            // Each kernel is small, and threads of a warp do alike.
+            // Each kernel is small, and threads of a warp do similar work.
             let emitters = self.job.views.features.emitters;
             for of_light in [true, false]
                 .into_iter()
@@ -275,7 +278,7 @@ impl<'a> Pass<'a> {
         );
     }
 
-    /// Reads back how many searches for edges points made, where that is asked for.
+    /// Reads back the numbers of searches for edges of points, if statistics are requested.
     fn count_searches(&self, piece: Piece) {
         let job = self.job;
         if !(job.statistics && job.views.derivatives.jumps) {
@@ -286,14 +289,15 @@ impl<'a> Pass<'a> {
         let past = records + words_of_order(points);
         let handle = self.records.handle.clone().offset_start(4 * records as u64);
         let handle = handle.offset_end(4 * (self.records.length - past) as u64);
-        // A device that is lost says so where the gradient is checked.
+        // A lost device is reported where the gradient is checked.
         if let Ok(bytes) = self.client.read_one(handle) {
             let searches = in_order(u32::from_bytes(&bytes), points);
             searches.iter().for_each(|n| device::count_searches(n));
         }
     }
 
-    /// Samples on films from a first one on, of all views, or `spread` of each.
+    /// Adds film samples: `threads` samples of all views from `first` on, or `spread` samples of each view if that is
+    /// not 0.
     fn add_film(&self, samples: [usize; 3], to: &List) {
         let job = self.job;
         let [first, threads, spread] = samples.map(|n| n as u32);
@@ -315,12 +319,12 @@ impl<'a> Pass<'a> {
     }
 }
 
-/// Points of a path at most.
+/// Returns the maximum number of points of a path.
 fn points(job: &Job) -> usize {
     job.views.buffers.header()[BOUNCES] as usize + 1
 }
 
-/// Words of a path's records.
+/// Returns the number of words of a path's records.
 fn of_path(job: &Job) -> usize {
     let jumped = JUMPED * u32::from(job.views.derivatives.jumps);
     (RECORD + jumped) as usize * points(job) + 1

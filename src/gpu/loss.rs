@@ -1,4 +1,4 @@
-//! The derivatives of a loss that a backward pass carries to scenes.
+//! The upstream gradient of a backward pass.
 
 use crate::cube::*;
 
@@ -8,12 +8,12 @@ use crate::model::jumps::counts_of;
 use crate::model::{V3, v3};
 use crate::trace::{Scene, Seen, UNIT};
 
-/// The derivatives of a loss by the rows of an image, and the scales of sums.
+/// The derivatives of the loss with respect to the rows of an image, and the scales of sums.
 #[apply(argument!)]
 pub(super) struct Loss {
     upstream: &'static [f32],
     pub scales: &'static [f32],
-    /// What derivatives are multiplied by.
+    /// The factor of the derivatives.
     scale: f32,
     #[cube(comptime)]
     outputs: Outputs,
@@ -21,7 +21,7 @@ pub(super) struct Loss {
 
 #[cube]
 impl Loss {
-    /// Derivatives by the rows of a pixel.
+    /// Returns the derivatives of the loss with respect to the rows of a pixel.
     pub fn of_row(&self, scene: &Scene, row: u32) -> Seen {
         let outputs = comptime!(self.outputs);
         let own = row as usize * comptime!(outputs.rows());
@@ -40,7 +40,7 @@ impl Loss {
         g
     }
 
-    /// What a point of a path counts for by the derivative that it carries.
+    /// Returns the size of the derivative that a point of a path carries, relative to a typical camera ray.
     pub fn counts_of(&self, view: u32, carried: V3) -> f32 {
         let typical = self.scales[TYPICAL + view as usize] * self.scale;
         counts_of(carried, typical.max(1e-37))

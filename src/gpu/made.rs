@@ -1,5 +1,5 @@
-//! Lists that the device makes from vertices and from what stays while these move: triangles as paths and as rays meet them,
-//! edges of meshes, and the edges in leaves of trees.
+//! Lists that the device makes from vertices and from data that stays the same while vertices move: triangles for
+//! paths, triangles for rays, edges, and the edges in leaves of trees.
 
 use crate::accel::{HIT_STRIDE, LANES, ROUNDING};
 use crate::cube::*;
@@ -9,11 +9,11 @@ use crate::model::triangle::{NUMBERS, has_area};
 use crate::model::{V3, splat, v3};
 use crate::trace::{CLOSED, HEADER, HeaderWord, NONE, OF_EDGE, ROWS_OF_EDGE, TRIANGLE};
 
-/// What is made of a scene, in words: the first thread, the view whose header says where its lists are, and the numbers of
-/// its triangles, of those that rays meet, of its edges, of those of meshes among these, and of places in leaves.
+/// Number of words of a scene in the table: its first thread, the view whose header stores where its lists begin, and
+/// the numbers of triangles, triangles for rays, edges, edges of meshes among these, and places in leaves.
 pub(super) const OF_SCENE: usize = 7;
 
-/// Where lists of a scene begin in the buffers.
+/// The starts of a scene's lists in the buffers.
 #[derive(CubeType, Clone, Copy)]
 #[expand(derive(Clone, Copy))]
 struct At {
@@ -26,19 +26,19 @@ struct At {
     kinds: u32,
     creases: u32,
     crossings: u32,
-    /// Edges of meshes.
+    /// Number of edges of meshes.
     meshes: u32,
     #[cube(comptime)]
     moves: bool,
 }
 
-/// A triangle as its vertices make it.
+/// A triangle, computed from its vertices.
 #[apply(record!)]
 struct Face {
     a: V3,
     b: V3,
     c: V3,
-    /// The vectors from corner to corner.
+    /// The vectors from each corner to the next.
     ab: V3,
     bc: V3,
     ca: V3,
@@ -49,7 +49,7 @@ struct Face {
     valid: bool,
 }
 
-/// Three numbers of a list that a kernel also writes to.
+/// Reads three numbers of a list that the kernel also writes.
 #[cube]
 fn read(floats: &mut [f32], at: u32) -> V3 {
     let i = at as usize;
@@ -64,13 +64,14 @@ fn write(floats: &mut [f32], at: u32, v: V3) {
     floats[i + 2] = v.z;
 }
 
-/// A vertex is the sum of two numbers an axis.
+/// Returns the position of a vertex, rounded to f32. Each coordinate is stored as a sum of two numbers: the rounded
+/// value and a remainder.
 #[cube]
 fn vertex(floats: &mut [f32], at: At, row: u32) -> V3 {
     read(floats, at.vertices + 6 * row)
 }
 
-/// The vector from one vertex to another.
+/// Returns the vector from one vertex to another, computed from both numbers of each coordinate.
 #[cube]
 fn between(floats: &mut [f32], at: At, from: u32, to: u32) -> V3 {
     let (from, to) = (at.vertices + 6 * from, at.vertices + 6 * to);
@@ -85,7 +86,7 @@ fn face(floats: &mut [f32], words: &[u32], at: At, triangle: u32) -> Face {
     let ab = between(floats, at, a, b);
     let bc = between(floats, at, b, c);
     let ca = between(floats, at, c, a);
-    // So that products of tiny lengths are no zeros.
+    // Scaled, so that products of tiny lengths do not underflow to zero.
     let size = ab.abs().max(ca.abs()).max_element();
     let scale = 1.0 / size.max(1e-37);
     let across = (ca * scale).cross(ab * scale);
@@ -114,7 +115,7 @@ fn face(floats: &mut [f32], words: &[u32], at: At, triangle: u32) -> Face {
     }
 }
 
-/// The displacement of a triangle over the shutter.
+/// Returns the displacement of a triangle over the shutter time.
 #[cube]
 fn velocity(floats: &mut [f32], words: &[u32], at: At, triangle: u32) -> V3 {
     let mut v = splat(0.0);
@@ -125,7 +126,7 @@ fn velocity(floats: &mut [f32], words: &[u32], at: At, triangle: u32) -> V3 {
     v
 }
 
-/// A triangle as paths meet it ([`Triangle`](crate::model::triangle::Triangle)).
+/// Writes a triangle for paths ([`Triangle`](crate::model::triangle::Triangle)).
 #[cube]
 fn make_surface(floats: &mut [f32], to: u32, f: &Face) {
     write(floats, to, f.a);
@@ -136,7 +137,8 @@ fn make_surface(floats: &mut [f32], to: u32, f: &Face) {
     floats[(to + 13) as usize] = f.area;
 }
 
-/// A line of a triangle's border as a distance that is positive inside; returns what its place is rounded by.
+/// Writes the line through a side of a triangle as a distance function that is positive inside. Returns the rounding
+/// error of this distance.
 #[cube]
 fn make_line(floats: &mut [f32], to: u32, f: &Face, corner: V3, along: V3) -> f32 {
     let across = f.normal.cross(along);
@@ -147,8 +149,8 @@ fn make_line(floats: &mut [f32], to: u32, f: &Face, corner: V3, along: V3) -> f3
     ROUNDING * offset.abs()
 }
 
-/// A triangle as rays meet it: normal and plane, lines of the border, the rounding of these, and the displacement over the
-/// shutter; zeros for a triangle that is never hit.
+/// Writes a triangle for rays: its normal and plane, the lines through its sides, their rounding error, and the
+/// displacement over the shutter time. A triangle that is never hit is written as zeros.
 #[cube]
 fn make_hit(floats: &mut [f32], to: u32, f: &Face, velocity: V3) {
     if f.valid {
@@ -166,7 +168,7 @@ fn make_hit(floats: &mut [f32], to: u32, f: &Face, velocity: V3) {
     }
 }
 
-/// An edge: an end, and the vector to the other.
+/// An edge: one end, and the vector to the other end.
 #[apply(record!)]
 struct Line {
     start: V3,
@@ -189,7 +191,8 @@ fn edge(floats: &mut [f32], words: &[u32], at: At, index: u32) -> Line {
     Line { start, along }
 }
 
-/// An edge at a place in a leaf ([`SeenEdge`](crate::model::edge_weight::SeenEdge)).
+/// Writes an edge at a place in a leaf ([`SeenEdge`](crate::model::edge_weight::SeenEdge)), or zeros if the place is
+/// empty.
 #[cube]
 fn make_lane(floats: &mut [f32], words: &[u32], at: At, leaves: u32, lane: u32, index: u32) {
     let lanes = LANES as u32;
@@ -220,7 +223,7 @@ fn make_lane(floats: &mut [f32], words: &[u32], at: At, leaves: u32, lane: u32, 
     }
 }
 
-/// Makes the lists of all scenes; a thread makes one triangle, edge or place in a leaf.
+/// Makes the lists of all scenes. Each thread makes one triangle, edge or place in a leaf.
 #[cube(launch)]
 pub(super) fn make_lists(
     floats: &mut [f32],

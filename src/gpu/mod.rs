@@ -1,7 +1,7 @@
-//! Kernels on GPUs: whole paths, one thread a pixel, in the language of CubeCL. The stages of a path are those of
-//! `trace`, which the host runs too; what is here calls them, traces rays and keeps records.
+//! Path tracing on GPUs with CubeCL kernels, in which each thread traces whole paths. The stages of a path come from
+//! `trace`, and the host runs them too. This module calls them, traces rays and stores records.
 
-#![allow(unused_assignments)] // Variables of a kernel need a first value.
+#![allow(unused_assignments)] // Variables of a kernel need an initial value.
 #![allow(clippy::too_many_arguments)] // Kernels have no globals.
 #![allow(
     clippy::collapsible_if,

@@ -1,5 +1,6 @@
-//! Views packed into two buffers, floats and words, in groups that the same kernels serve. The words begin with a header
-//! for each view, which says where the lists of its [`Scene`] lie; views share what is the same.
+//! Views packed into two buffers, one of floats and one of words. The views of a group use the same kernels, and each
+//! group has its own buffers. The words begin with a header for each view, which stores where the lists of its
+//! [`Scene`] begin. Views share lists: each list is stored once.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -13,15 +14,16 @@ use crate::kernel::{LEAF, View};
 use crate::model::triangle::NUMBERS;
 use crate::trace::{Derivatives, Features, HEADER, HeaderWord, Scene};
 
-/// Words of a tree over edges ([`Scene::edge_trees`]): where its lists begin, its root, and the number of its edges.
+/// Number of words of a tree over edges in [`Scene::edge_trees`]: the starts of its four lists, the child at which a
+/// draw starts, and the number of children at which it starts.
 pub(super) const OF_TREE: u32 = 6;
 
-/// Views of a group at most.
+/// Maximum number of views in a group.
 const VIEWS: usize = 64;
-/// Numbers of a group's scenes, about, where it has several.
+/// Approximate maximum number of floats of a group with several views.
 const OF_GROUP: usize = 1 << 24;
 
-/// Views that kernels trace together, as buffers.
+/// A group of views that kernels trace together, in buffers.
 pub(crate) struct Packed {
     pub buffers: Arc<Buffers>,
     pub views: usize,
@@ -30,12 +32,13 @@ pub(crate) struct Packed {
     pub sums: Places,
 }
 
-/// The numbers of views in groups that have the same kernels, in the buffers of the last render where these serve.
+/// Packs views in groups that use the same kernels. Returns the indices of the views of each group, and the packed
+/// group. The buffers of the last render are reused where possible.
 pub(crate) fn pack(
     views: &[&View],
     mut last: impl Iterator<Item = Buffers>,
 ) -> Vec<(Vec<usize>, Packed)> {
-    // Views of one scene share its lists: those of the first.
+    // Views of one scene share the lists of the first such view.
     let mut known = HashMap::new();
     let of_view: Vec<usize> = (0..views.len())
         .map(|v| {
@@ -55,7 +58,7 @@ pub(crate) fn pack(
     let kernels = |v: usize| {
         let features = Features {
             boxes: !scene(v).tree.boxes.is_empty(),
-            // Few sizes, so that kernels serve when a tree has grown.
+            // Rounded up, so that kernels can be reused after the tree has grown.
             stack: scene(v).tree.depth.next_power_of_two().max(64),
             ..views[v].features
         };
@@ -92,7 +95,7 @@ pub(crate) fn pack(
     groups
 }
 
-/// Lists of numbers up to a count that have the same key, in the order of their first ones.
+/// Returns the numbers below `count`, grouped by key, with the groups in the order of their first numbers.
 fn alike<K: PartialEq>(count: usize, key: impl Fn(usize) -> K) -> Vec<Vec<usize>> {
     let mut lists: Vec<Vec<usize>> = Vec::new();
     for v in 0..count {
@@ -105,7 +108,7 @@ fn alike<K: PartialEq>(count: usize, key: impl Fn(usize) -> K) -> Vec<Vec<usize>
 }
 
 impl Packed {
-    /// Packs views, each with the number of its scene and its own lists.
+    /// Packs views, each given with the index of its scene and the lists that only GPUs need.
     fn new(
         views: Vec<(&View, usize, &OfScene)>,
         features: Features,
@@ -173,7 +176,8 @@ impl Packed {
     }
 }
 
-/// Where a list begins in a buffer that others are in, by their addresses.
+/// Returns where a list begins in a buffer. Lists are compared by address; a list that is not in the buffer is
+/// appended.
 fn place_of<T: Copy>(
     list: &[T],
     buffer: &mut Vec<T>,
@@ -185,7 +189,7 @@ fn place_of<T: Copy>(
     })
 }
 
-/// What GPUs need of a scene beside the lists that the host has.
+/// The lists of a scene that only GPUs need, beside the lists of the host.
 #[derive(Default)]
 pub(super) struct OfScene {
     pub tree: Arc<GpuTree>,
@@ -199,7 +203,8 @@ pub(super) struct OfScene {
     edge_kinds: Vec<u32>,
     creases: Vec<f32>,
     vertices: Vec<[f32; 6]>,
-    /// How many triangles, those that rays meet, edges, those of meshes and places in leaves the device makes.
+    /// The numbers of items that the device makes: triangles, triangles for rays, edges, edges of meshes among these,
+    /// and places in leaves.
     made: [u32; 5],
 }
 
@@ -250,7 +255,7 @@ impl OfScene {
         this
     }
 
-    /// The corners of triangles at each vertex.
+    /// Lists the triangle corners at each vertex.
     fn add_vertex_corners(&mut self, view: &View) {
         let rows = view.scene.lists.vertex_rows.as_flattened();
         let count = view.scene.vertices();
@@ -271,7 +276,7 @@ impl OfScene {
         (self.vertex_starts, self.vertex_corners) = (starts, corners);
     }
 
-    /// Adds them to the lists of a view.
+    /// Returns the lists of a view together with these lists.
     pub fn add_to<'a>(&'a self, scene: Scene<'a>) -> Scene<'a> {
         Scene {
             root: self.tree.root,
@@ -297,7 +302,7 @@ impl OfScene {
         }
     }
 
-    /// The numbers of all lists of floats.
+    /// Returns the total length of all lists of floats, including those that the device makes.
     pub fn numbers(&self, view: &View) -> usize {
         let lists = self.add_to(view.lists());
         let sent: usize = lists.float_lists().iter().map(|(_, list)| list.len()).sum();

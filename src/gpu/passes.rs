@@ -1,5 +1,6 @@
-//! The kernels of a backward pass: paths are traced again and leave records, then jumps are added at those of their points
-//! that make searches for edges, then each path is gone back along. So each kernel is small, and points of a path are apart.
+//! The kernels of a backward pass. First, paths are traced again and store records. Then jumps are added at the
+//! points that make searches for edges. Last, the backward pass runs along each path. Separate kernels are small, and
+//! the points of one path are computed by separate threads.
 
 use crate::cube::*;
 
@@ -17,7 +18,8 @@ use super::walk::Start;
 use crate::model::numbers::is_nonzero;
 use crate::trace::{Derivatives, NONE, Observer, PointGradient, Scene};
 
-/// Traces the paths of a piece, those of the first sample before those of the next, and leaves records.
+/// Traces the paths of a piece and stores their records. All paths of one sample come before the paths of the next
+/// sample.
 #[cube(launch)]
 pub(super) fn keep_paths(paths: Paths, loss: Loss, records: &mut [u32]) {
     let threads = paths.piece.threads();
@@ -45,7 +47,7 @@ pub(super) fn keep_paths(paths: Paths, loss: Loss, records: &mut [u32]) {
     }
 }
 
-/// Whether a point of a path moves, or the directions that it looks in turn.
+/// Returns whether a point of a path moves with a tracked tensor, or the directions sampled there turn with one.
 #[cube]
 fn moves_at(
     scene: &Scene,
@@ -68,8 +70,8 @@ fn moves_at(
     moves
 }
 
-/// Adds the derivatives by jumps at edges that points of paths see, one thread a point that makes searches: for edges of
-/// shadows of emitters, or for edges that it reflects.
+/// Adds the derivatives from jumps seen from points of paths, with one thread per point that makes searches: at
+/// shadow edges of emitters, or at edges in reflected light.
 #[cube(launch)]
 pub(super) fn add_jumps(
     paths: Paths,
@@ -110,7 +112,8 @@ pub(super) fn add_jumps(
     }
 }
 
-/// Adds the derivatives along paths that left records, times those of a loss by the pixels' rows, to sums.
+/// Adds the derivatives along recorded paths, times the derivatives of the loss with respect to the pixels' rows, to
+/// the sums.
 #[cube(launch)]
 pub(super) fn go_back(paths: Paths, loss: Loss, records: &mut [u32], adding: Adding) {
     let threads = paths.piece.threads();

@@ -1,8 +1,8 @@
 //! A path from the camera to its end, in a thread of a GPU.
 //!
-//! Calls are inlined in a kernel, so there is one place that traces a ray, in a loop over the rays of a path. Where its
-//! ray ends the path arrives, or takes the light that the ray brings; then it is connected to the next light, and when
-//! there are no more it goes on.
+//! Calls are inlined in a kernel. So a single place traces rays, in a loop over the rays of a path. A camera or
+//! bounce ray leads to a point. A shadow ray adds light. Then the point is connected to the next light, or a bounce
+//! ray continues.
 
 use crate::cube::*;
 
@@ -25,7 +25,6 @@ use crate::trace::{
     receiver_of, sky, target_of,
 };
 
-/// The light of a path of a pixel.
 #[cube]
 pub(super) fn light_of_pixel(
     scene: &Scene,
@@ -37,7 +36,7 @@ pub(super) fn light_of_pixel(
     light_of(scene, memory, path, Start::default(), false)
 }
 
-/// The light of a path from its beginning, or with `beside` from a point.
+/// Returns the light of a path from its beginning, or from the point `start` if `beside`.
 #[cube]
 pub(super) fn light_of(
     scene: &Scene,
@@ -46,14 +45,15 @@ pub(super) fn light_of(
     start: Start,
     #[comptime] beside: bool,
 ) -> PathLight {
-    // Nothing is kept.
+    // No records are stored.
     let mut records = Array::<u32>::new(1usize);
     let none = records.as_mut_slice();
     let room = Room::new(0u32, 1u32, 0u32);
     path_light(scene, memory, none, room, path, start, beside, false)
 }
 
-/// Traces a path from its beginning, or with `beside` from a point; with `keep` its points are left in `records`.
+/// Traces a path from its beginning, or from the point `start` if `beside`. With `keep`, its points are stored in
+/// `records`.
 #[cube]
 pub(super) fn path_light(
     scene: &Scene,
@@ -113,7 +113,7 @@ pub(super) fn path_light(
         if !walk.arrives() {
             take_light(&mut walk, &mut light, missed, keep);
         } else if missed {
-            // With a map that is gathered at surfaces, rays that go on bring what waits for them.
+            // If surfaces gather the light of the map, escaping bounce rays add only the waiting light.
             if walk.purpose == OF_CAMERA || comptime!(scene.features.sees_sky) {
                 walk.bits |= ESCAPED;
                 light.seen.radiance += walk.throughput.times(sky(scene, walk.direction));
@@ -148,7 +148,7 @@ pub(super) fn path_light(
     light
 }
 
-/// Takes the light that a ray to a light brings; the next ray is to the next light.
+/// Adds the light of a shadow ray. The next ray leads to the next light.
 #[cube]
 fn take_light(walk: &mut Walk, light: &mut PathLight, missed: bool, #[comptime] keep: bool) {
     if missed && walk.limit > 0.0 {
@@ -166,7 +166,7 @@ fn take_light(walk: &mut Walk, light: &mut PathLight, missed: bool, #[comptime] 
         }
     }
     if walk.purpose == TO_EMITTERS_ALONG {
-        // Where bits end the last one stands for all; no light hides behind so many others.
+        // The last bit stands for all further emitters; no light hides behind so many others.
         if walk.bit < (1u32 << MOST_ALONG) {
             walk.bit *= 2;
         }
@@ -175,7 +175,7 @@ fn take_light(walk: &mut Walk, light: &mut PathLight, missed: bool, #[comptime] 
     }
 }
 
-/// Comes to the surface point that the path's ray hit.
+/// Computes the surface point that the path's ray hit.
 #[cube]
 fn arrive(
     scene: &Scene,
@@ -222,7 +222,7 @@ fn arrive(
     walk.point = point;
 }
 
-/// Keeps the point that the path came to, and what was seen from that before.
+/// Stores the point that the path reached, and the bits of lights visible from the point before.
 #[cube]
 fn keep_arrival(records: &mut [u32], room: Room, hit: &Hit, walk: &mut Walk, points: u32) {
     if points > 0 {
@@ -240,7 +240,7 @@ fn keep_arrival(records: &mut [u32], room: Room, hit: &Hit, walk: &mut Walk, poi
     walk.bit = SAW_ALONG;
 }
 
-/// Looks at emitters from the point that the path came to, and draws the way on.
+/// Prepares the choice of an emitter at the path's point, and samples the BSDF direction.
 #[cube]
 fn look_around(scene: &Scene, memory: &mut Memory, path: &Beginning, walk: &mut Walk) {
     walk.emitter = walk.next_emitter;
@@ -270,7 +270,7 @@ fn look_around(scene: &Scene, memory: &mut Memory, path: &Beginning, walk: &mut 
     }
 }
 
-/// The next emitter that the path's point is connected to, if there is one.
+/// Returns the next emitter to which the path's point is connected, if there is one.
 #[cube]
 fn next_emitter(
     scene: &Scene,
@@ -293,7 +293,7 @@ fn next_emitter(
     place
 }
 
-/// Makes the ray to the next light that the path's point is connected to; if there are no more the path goes on.
+/// Sets the shadow ray to the next light. If no lights remain, the path continues.
 #[cube]
 fn connect(scene: &Scene, memory: &mut Memory, path: &Beginning, walk: &mut Walk) {
     let mut place = EmitterPlace::none();
@@ -356,7 +356,7 @@ fn connect(scene: &Scene, memory: &mut Memory, path: &Beginning, walk: &mut Walk
     }
 }
 
-/// Leaves the path's point in the direction that was drawn, or ends the path.
+/// Sets the bounce ray in the sampled direction, or ends the path.
 #[cube]
 fn go_on(
     scene: &Scene,

@@ -1,5 +1,5 @@
-//! How much a loss depends on the pixels of views, and so where edges are drawn on their films, without the host in
-//! between.
+//! Determines how much the loss depends on the pixels of views, and so where edges are sampled on their films,
+//! without read-backs.
 
 use crate::cube::*;
 
@@ -18,8 +18,8 @@ use crate::model::numbers::{is_finite, is_nonzero};
 use crate::trace::{Features, HeaderWord, NONE};
 
 impl Pass<'_> {
-    /// Looks at how much the loss depends on pixels, and so where edges are drawn on films: completes the edges there
-    /// and their table, and sets the scales of views.
+    /// Determines how much the loss depends on pixels. It completes the weights of edges on films and their table,
+    /// and sets the scales of views.
     pub fn look_at_pixels(&self) {
         let (client, job, films) = (&self.client, self.job, self.films);
         let (table, pieces) = (&self.table, &self.pieces);
@@ -66,11 +66,12 @@ impl Pass<'_> {
     }
 }
 
-/// Numbers of a cell, and of a row of cells: how much the loss depends on their pixels, how many of these it asks for,
-/// how much it depends on their radiance, and on that of how many.
+/// Number of values of a cell, and of a row of cells: how much the loss depends on its pixels, the number of pixels
+/// with nonzero derivatives, how much the loss depends on their radiance, and the number of pixels with nonzero
+/// derivatives with respect to radiance.
 const OF_CELL: u32 = 4;
 
-/// The cells of some views, in columns and rows.
+/// The cells of some views, in columns and rows per view.
 #[apply(argument!)]
 pub(super) struct Grid {
     views: u32,
@@ -100,13 +101,13 @@ impl Grid {
         }
     }
 
-    /// The place of a cell's numbers.
+    /// Returns the index of a cell's values.
     fn at(&self, view: u32, x: u32, y: u32) -> usize {
         (OF_CELL * ((view * self.rows + y) * self.columns + x)) as usize
     }
 }
 
-/// Looks at the pixels of each cell, one thread a cell.
+/// Sums the derivatives over the pixels of each cell, one thread per cell.
 #[cube(launch)]
 fn look_at_cells(
     views: Views,
@@ -140,7 +141,7 @@ fn look_at_cells(
                     if is_nonzero(all) {
                         asked += 1.0;
                     }
-                    // What is not finite does not count.
+                    // Values that are not finite do not count.
                     if is_finite(all) {
                         weight += all;
                     }
@@ -159,8 +160,8 @@ fn look_at_cells(
     }
 }
 
-/// How much the loss depends on the pixels that see a point of a cell, one thread a cell; those of the first column
-/// add up what the cells of their rows count as well.
+/// Computes how much the loss depends on the pixels that see a point of a cell, one thread per cell. The threads of
+/// the first column also sum the values of their rows of cells.
 #[cube(launch)]
 fn look_around(grid: Grid, films: &[u32], cells: &[f32], near: &mut [f32], rows: &mut [f32]) {
     if ABSOLUTE_POS < grid.cells() as usize {
@@ -178,7 +179,7 @@ fn look_around(grid: Grid, films: &[u32], cells: &[f32], near: &mut [f32], rows:
             }
             sum += of_row;
         }
-        // Its own counts most.
+        // The cell's own pixels have the largest weight.
         near[ABSOLUTE_POS] = NEIGHBOURS * sum + cells[grid.at(view, column, row)];
         if column == 0 {
             for k in 0..OF_CELL {
@@ -192,7 +193,7 @@ fn look_around(grid: Grid, films: &[u32], cells: &[f32], near: &mut [f32], rows:
     }
 }
 
-/// Turns the weights of pieces into sums within blocks, one thread a block.
+/// Replaces the weights of pieces by running sums within blocks, one thread per block.
 #[cube(launch)]
 fn sum_blocks(grid: Grid, films: &[u32], near: &[f32], pieces: &mut [f32], count: u32) {
     if ABSOLUTE_POS < blocks_before(films, grid.views) as usize {
@@ -216,8 +217,9 @@ fn sum_blocks(grid: Grid, films: &[u32], near: &[f32], pieces: &mut [f32], count
     }
 }
 
-/// Adds up what rows of cells and blocks of pieces have, one thread a view: how much the loss depends on the radiance of
-/// a pixel and on a pixel as a whole, on average, the samples of edges on the film, and the sums of all blocks so far.
+/// Sums the values of rows of cells and of blocks of pieces, one thread per view. It computes how much the loss
+/// depends on average on the radiance of a pixel and on a whole pixel, the number of edge samples on the film, and
+/// running sums over blocks.
 #[cube(launch)]
 fn sum_views(
     grid: Grid,

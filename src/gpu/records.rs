@@ -1,19 +1,19 @@
-//! Records that a path leaves for its way back.
+//! Records that a path stores for its backward pass.
 
 use crate::cube::*;
 
 use crate::model::{V3, v3};
 use crate::trace::{Point, PointGradient, Scene, point_at};
 
-/// Words of a record of a path's point: where it arrived ([`Arrival`]), what was seen from it, and the probability with
-/// which the path went on.
+/// Number of words in the record of a path's point: the arrival ([`Arrival`]), the bits of visible lights, and the
+/// probability with which the path continued.
 pub(super) const RECORD: u32 = 13;
 pub(super) const OF_TRIANGLE: u32 = 0;
 pub(super) const OF_BITS: u32 = 11;
 pub(super) const OF_SURVIVAL: u32 = 12;
-/// What was seen from a point, bit by bit: the emitter that was drawn, those along the way on (one bit each, as
-/// many as there is room for), the map in the direction that was drawn and in that of the way on; whether the
-/// path went on, and whether it ended in the environment.
+/// Bits of a record. They mark visible lights: the sampled emitter, emitters along the BSDF direction (one bit each,
+/// up to [`MOST_ALONG`]), and the map in the sampled direction and in the BSDF direction. The last two bits mark that
+/// the path continued, and that it ended in the environment.
 pub(super) const SAW_EMITTER: u32 = 1;
 pub(super) const SAW_ALONG: u32 = 2;
 pub(super) const MOST_ALONG: u32 = 26;
@@ -21,10 +21,11 @@ pub(super) const SAW_MAP: u32 = 1 << 28;
 pub(super) const SAW_MAP_ALONG: u32 = 1 << 29;
 pub(super) const WENT_ON: u32 = 1 << 30;
 pub(super) const ESCAPED: u32 = 1 << 31;
-/// Words that a path leaves beside its records: the number of its points, and for each what jumps add.
+/// Number of words of a point's derivatives from jumps. They lie behind the path's records and the number of its
+/// points.
 pub(super) const JUMPED: u32 = 14;
 
-/// Where the words of a path are: one word of all threads after another.
+/// The layout of the words of a path: each word is stored for all threads, then the next word.
 #[apply(record!)]
 pub(super) struct Room {
     thread: u32,
@@ -32,7 +33,7 @@ pub(super) struct Room {
     bounces: u32,
 }
 
-/// A surface point that a path came to: a triangle, what it was hit by, and the throughput that arrives.
+/// A surface point that a path reached: the triangle, the ray that hit it, and the throughput at the point.
 #[apply(record!)]
 pub(super) struct Arrival {
     pub triangle: u32,
@@ -44,7 +45,7 @@ pub(super) struct Arrival {
 
 #[cube]
 impl Arrival {
-    /// The point at a time in the shutter.
+    /// Returns the surface point at a shutter time.
     pub fn point(&self, scene: &Scene, time: f32) -> Point {
         let t = self.distance;
         let direction = self.incoming;
@@ -63,18 +64,18 @@ impl Room {
         }
     }
 
-    /// The place of a word of a point's record. That of the first point that a path does not come to has the number of
-    /// its points, and what jumps add.
+    /// Returns the index of a word of a point's record. The record after the last possible point stores the number of
+    /// points and the derivatives from jumps.
     pub fn at(&self, point: u32, word: u32) -> usize {
         ((point * RECORD + word) * self.threads + self.thread) as usize
     }
 
-    /// The place of the number of a path's points.
+    /// Returns the index of the number of a path's points.
     pub fn points(&self) -> usize {
         self.at(self.bounces + 1, 0u32)
     }
 
-    /// Words of the records of all paths, with what jumps add.
+    /// Returns the number of words of the records of all paths, including the derivatives from jumps.
     pub fn words(&self) -> u32 {
         let points = self.bounces + 1;
         (points * (RECORD + JUMPED) + 1) * self.threads
@@ -116,7 +117,7 @@ impl Room {
         }
     }
 
-    /// Keeps what jumps add at a point.
+    /// Stores the derivatives from jumps at a point.
     pub fn keep_jumped(&self, records: &mut [u32], point: u32, by: &PointGradient) {
         let last = self.bounces + 1;
         let first = 1 + point * JUMPED;
@@ -125,11 +126,11 @@ impl Room {
         self.keep_vector(records, last, first + 6, by.shading.normal);
         self.keep_vector(records, last, first + 9, by.shading.incoming);
         records[self.at(last, first + 12)] = by.shading.exponent.to_bits();
-        // The index of refraction turns what passes a surface.
+        // In dielectrics this is the index of refraction, which turns refracted directions.
         records[self.at(last, first + 13)] = by.shading.specular.x.to_bits();
     }
 
-    /// Adds what jumps added at a point.
+    /// Adds the stored derivatives from jumps at a point to `by`.
     pub fn add_jumped(&self, records: &mut [u32], point: u32, by: &mut PointGradient) {
         let last = self.bounces + 1;
         let first = 1 + point * JUMPED;

@@ -1,5 +1,5 @@
-//! Searches for edges by points of paths, and points in the order of how many they make: threads of a warp that make as
-//! many as each other don't wait.
+//! Searches for edges by points of paths, and the order of points by the number of their searches. With this order,
+//! threads of a warp make equally many searches and do not wait for each other.
 
 use crate::cube::*;
 
@@ -12,7 +12,7 @@ use crate::model::numbers::is_nonzero;
 use crate::sampling::Stream;
 use crate::trace::{NONE, OF_EDGES, PointGradient, REFLECTS, Scene, sampler};
 
-/// The number of searches that a point of a path makes.
+/// Returns the number of searches that a point of a path makes.
 #[cube]
 fn count(
     scene: &Scene,
@@ -31,33 +31,35 @@ fn count(
     count
 }
 
-/// Points are in classes by the number of their searches, those with the most first: one for each number, and one for so
-/// many and more.
+/// Number of classes of points by the number of their searches. The first class has points with this many searches or
+/// more, and each further class has points with one search fewer.
 const CLASSES: u32 = 9;
 
-/// The class of a point that makes so many; the number of classes where it makes none.
+/// Returns the class of a point with `searches` searches, or the number of classes if it makes none.
 #[cube]
 fn class_of(searches: u32) -> u32 {
     CLASSES - searches.min(CLASSES)
 }
 
-/// Bits of the number of a point's searches for edges of shadows; the others are that of those for edges that it reflects.
+/// Number of bits for a point's searches for shadow edges. The bits above store its searches for edges in reflected
+/// light.
 const OF_LIGHT: u32 = 16;
 
-/// Words behind the records of paths that the order of so many points takes.
+/// Returns the number of words that the order of `points` points takes behind the records of paths.
 pub(super) fn words_of_order(points: usize) -> usize {
     let groups = points.div_ceil(GROUP as usize);
     groups * (2 * CLASSES + GROUP) as usize + 1 + GROUP as usize
 }
 
-/// The numbers of points of classes that [`add_before`] adds up, where the order of so many points is behind so many
-/// words: the first of these numbers, and how many they are.
+/// Returns the first word and the length of the list that [`add_before`] sums: the numbers of points in the classes,
+/// for an order of `points` points behind `records` words.
 pub(super) fn places_of_order(records: usize, points: usize) -> (u32, u32) {
     let groups = points.div_ceil(GROUP as usize) as u32;
     (records as u32, 2 * CLASSES * groups)
 }
 
-/// The numbers of searches of points in their orders, from the words behind records.
+/// Returns the numbers of searches of points in their two orders, from the words behind the records. Points without
+/// searches are left out.
 pub(super) fn in_order(words: &[u32], points: usize) -> [Vec<u32>; 2] {
     let (_, places) = places_of_order(0, points);
     let counted = &words[(places + 1 + GROUP) as usize..][..points];
@@ -69,14 +71,16 @@ pub(super) fn in_order(words: &[u32], points: usize) -> [Vec<u32>; 2] {
     })
 }
 
-/// Where two orders of points lie behind records, by their searches for edges of shadows and for edges that they reflect:
-/// for each order, class and workgroup of threads, one a point, how many of its points are in the class, which become the
-/// number of points before these; then the number of all, room for the threads that add these up, and the numbers of
-/// searches of each point.
+/// Two orders of points behind the records: by searches for shadow edges, and by searches for edges in reflected
+/// light.
+///
+/// First comes, for each order, class and workgroup (with one thread per point), the number of the workgroup's points
+/// in the class, which [`add_before`] replaces by the number of points before them. Then come the total, space for
+/// the threads of [`add_before`], and the numbers of searches of each point.
 #[apply(record!)]
 pub(super) struct Order {
     first: u32,
-    /// Workgroups.
+    /// The number of workgroups.
     groups: u32,
 }
 
@@ -89,17 +93,17 @@ impl Order {
         }
     }
 
-    /// The place of the number of a workgroup's points in a class; those of the second order are behind the first's.
+    /// Returns the index of the number of a workgroup's points in a class. The second order follows the first.
     fn place(&self, class: u32, group: u32) -> usize {
         (self.first + class * self.groups + group) as usize
     }
 
-    /// The place of the numbers of searches of a point.
+    /// Returns the index of the numbers of searches of a point.
     fn of_point(&self, point: u32) -> usize {
         (self.first + 2 * CLASSES * self.groups + 1 + GROUP + point) as usize
     }
 
-    /// The class of a point in an order.
+    /// Returns the class of a point in an order.
     fn class(&self, records: &mut [u32], point: u32, #[comptime] of_light: bool) -> u32 {
         let mut searches = records[self.of_point(point)];
         if of_light {
@@ -110,7 +114,7 @@ impl Order {
         class_of(searches)
     }
 
-    /// The point at a place in an order; past the last place a number that no point has.
+    /// Returns the point at a place in an order, or [`NONE`] past the last place.
     pub fn point(&self, records: &mut [u32], place: u32, #[comptime] of_light: bool) -> u32 {
         let mut low = 0u32;
         if !of_light {
@@ -120,7 +124,7 @@ impl Order {
         let index = records[(self.first + low) as usize] + place;
         let mut point = NONE.runtime();
         if index < records[(self.first + past) as usize] {
-            // The last class and workgroup before which are not more.
+            // Find the last class and workgroup with at most `index` points before it.
             while past - low > 1 {
                 let middle = (low + past) / 2;
                 if records[(self.first + middle) as usize] <= index {
@@ -148,8 +152,8 @@ impl Order {
     }
 }
 
-/// Counts the searches of each point of the paths that left records, and points of each class. Points without any have
-/// nothing from jumps.
+/// Counts the searches of each point of the recorded paths, and the points of each class. Sets the derivatives from
+/// jumps of these points to zero.
 #[cube(launch)]
 pub(super) fn count_searches(paths: Paths, loss: Loss, records: &mut [u32], points: u32) {
     let threads = paths.piece.threads();
@@ -160,7 +164,7 @@ pub(super) fn count_searches(paths: Paths, loss: Loss, records: &mut [u32], poin
     let room = Room::new(thread, threads, scene.bounces);
     let g = loss.of_row(&scene, which.row);
     let mut own = 0u32;
-    // Paths have fewer points than there are threads for.
+    // A path may have fewer points than there are threads for it.
     if is_nonzero(g.size()) && k < records[room.points()] {
         let arrival = room.arrival(records, k);
         let carried = g.radiance.times(arrival.throughput);
@@ -197,8 +201,8 @@ pub(super) fn count_searches(paths: Paths, loss: Loss, records: &mut [u32], poin
     }
 }
 
-/// Turns numbers in a list into the sums of those before them, and the word behind them into their sum; by one workgroup,
-/// whose threads have room behind that.
+/// Replaces each number in a list by the sum of the numbers before it, and writes the total behind the list. One
+/// workgroup runs it, and its threads use the space behind the total.
 #[cube(launch)]
 pub(super) fn add_before(list: &mut [u32], first: u32, count: u32) {
     let each = count.div_ceil(GROUP);
@@ -208,7 +212,7 @@ pub(super) fn add_before(list: &mut [u32], first: u32, count: u32) {
     for i in from..past {
         own += list[(first + i) as usize];
     }
-    // Elements of CubeCL's shared memory are one on a software driver, so threads share a part of the list.
+    // On a software driver, all elements of CubeCL's shared memory are the same, so threads share a part of the list.
     let room = first + count + 1;
     list[(room + UNIT_POS) as usize] = own;
     sync_storage();
@@ -234,7 +238,7 @@ mod tests {
     use super::super::device::{List, launch};
     use super::*;
 
-    /// The points at all places of an order.
+    /// Writes the points at all places of an order.
     #[cube(launch)]
     fn list_points(
         records: &mut [u32],
@@ -248,7 +252,7 @@ mod tests {
         }
     }
 
-    /// Each point that makes searches is at one place, those that make more before those that make fewer.
+    /// Each point with searches has one place, and points with more searches come first.
     #[test]
     fn points_in_the_order_of_their_searches() {
         let name = match std::env::var("SOFTRAY_WGPU_KIND").as_deref() {

@@ -1,4 +1,4 @@
-//! The sums of kernels ([`Totals`]): where they lie, their scales, and the kernels that add them up.
+//! The sums of kernels ([`Totals`]): their places and scales, and the kernels that add up replicas.
 
 use std::collections::HashMap;
 
@@ -13,15 +13,15 @@ use crate::trace::{
     carry, sums_of,
 };
 
-/// Numbers of the sums of all replicas together, about.
+/// Approximate maximum number of sums in all replicas together.
 const REPLICATED: usize = 1 << 16;
-/// Replicas at most: as many as threads of a warp.
+/// Maximum number of replicas: the number of threads in a warp.
 const REPLICAS: usize = 32;
 
-/// Where the sums of each part of views begin, in numbers. Views of one scene share them, but for the camera's.
+/// The first sum of each part of views. Views of one scene share all sums except the camera's.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Places {
-    /// Of each view.
+    /// The first sum of each part, for each view.
     pub first: Vec<[u32; PARTS]>,
     /// For each view, the first view of its scene.
     owner: Vec<usize>,
@@ -29,7 +29,7 @@ pub(crate) struct Places {
 }
 
 impl Places {
-    /// For views, each with the number of its scene.
+    /// Computes the places for views, each given with the index of its scene.
     pub fn new<'a>(views: impl Iterator<Item = (&'a View, usize)>) -> Self {
         let mut places = Self::default();
         let mut known = HashMap::new();
@@ -38,7 +38,7 @@ impl Places {
             let mut first = [0; PARTS];
             if owner == v {
                 let counts = view.wanted.lengths(&view.scene);
-                // The camera's are last.
+                // The sums of the camera are last.
                 for (first, n) in first.iter_mut().zip(counts).take(CAMERAS as usize) {
                     *first = places.count as u32;
                     places.count += n;
@@ -54,36 +54,37 @@ impl Places {
         places
     }
 
-    /// Copies of all sums that kernels add to, so that threads of a warp don't wait for each other.
+    /// Returns the number of replicas of all sums. With several, threads of a warp do not wait for each other.
     pub fn replicas(&self) -> usize {
         (REPLICATED / self.count.max(1)).clamp(1, REPLICAS)
     }
 
-    /// Whether a view is the first one of its scene.
+    /// Returns whether a view is the first view of its scene.
     pub fn owns(&self, view: usize) -> bool {
         self.owner[view] == view
     }
 }
 
-/// Behind the scales of all parts and [`LIMIT`], for each view how much a loss depends on the radiance of a pixel, then
-/// how much on a pixel as a whole, on average.
+/// Start of the scales of views, behind the scales of all parts and [`LIMIT`]: for each view, how much the loss
+/// depends on average on the radiance of a pixel, then for each view, how much it depends on a whole pixel.
 pub(super) const TYPICAL: usize = LIMIT + 1;
 
 /// The scale of a part with derivatives that are not finite.
 const NO_SCALE: f32 = -1.0;
 
-/// A power of two for a part, from the bits of its largest derivative and of the largest of all parts: steps of the
-/// sums are 2 to the power of −`keep` of it, the rest of 63 bits is room.
+/// Returns the scale of a part, a power of two, from the bits of its largest derivative and of the largest derivative
+/// of all parts. The step of the sums is about 2 to the power of −`keep` of the largest derivative. The rest of 63
+/// bits is headroom.
 #[cube]
 fn scale_of(largest: u32, of_all: u32, keep: i32) -> f32 {
     let mut bits = largest;
     if bits == 0 {
-        // A part that was not reached has the scale of the others.
+        // A part without measured derivatives has the scale of the largest.
         bits = of_all;
     }
     let mut scale = NO_SCALE.runtime();
     if bits < INFINITY {
-        // The power of two that is not less.
+        // The exponent of the least power of two that is not less than the largest derivative.
         let mut exponent = (bits >> 23) as i32 - 127;
         exponent = select(bits & 0x007f_ffff != 0, exponent + 1, exponent);
         exponent = select(bits == 0, 0, exponent);
@@ -93,7 +94,7 @@ fn scale_of(largest: u32, of_all: u32, keep: i32) -> f32 {
     scale
 }
 
-/// Chooses the scales of parts from the largest derivatives that measuring launches left, and sets all sums to 0.
+/// Chooses the scales of parts from the largest derivatives that measuring launches stored, and sets all sums to 0.
 #[cube(launch)]
 pub(super) fn choose_scales(sizes: &[u32], scales: &mut [f32], keep: i32, sums: &mut [u32]) {
     if ABSOLUTE_POS < sums.len() {
@@ -107,7 +108,7 @@ pub(super) fn choose_scales(sizes: &[u32], scales: &mut [f32], keep: i32, sums: 
             part += 1;
         }
         if most == 0 {
-            // Nothing was reached, perhaps since the loss depends on few pixels.
+            // No derivatives were measured, perhaps because the loss depends on few pixels.
             let views = (scales.len() - TYPICAL) / 2;
             for view in 0..views {
                 let bits = scales[TYPICAL + views + view].to_bits();
@@ -118,7 +119,7 @@ pub(super) fn choose_scales(sizes: &[u32], scales: &mut [f32], keep: i32, sums: 
     }
 }
 
-/// Adds what all replicas have of a number to its sum of three words, and takes it from them.
+/// Adds the values of a sum in all replicas to its sum of three words, and sets the replicas to 0.
 #[cube(launch)]
 pub(super) fn add_replicas(sums: &mut [u32], replicas: u32, numbers: u32) {
     if ABSOLUTE_POS < numbers as usize {
@@ -132,7 +133,7 @@ pub(super) fn add_replicas(sums: &mut [u32], replicas: u32, numbers: u32) {
             sums[from] = 0;
             sums[from + 1] = 0;
         }
-        // The sign goes on in the third word.
+        // The sign extends into the third word.
         let mut above = select(high >> 31 == 1, 0xffff_ffffu32, 0u32);
         let at = FIRST_SUM + 3 * ABSOLUTE_POS;
         let first = total(sums[at], low);
@@ -146,7 +147,7 @@ pub(super) fn add_replicas(sums: &mut [u32], replicas: u32, numbers: u32) {
     }
 }
 
-/// A sum of a part as a number; NaN where derivatives of the part are not finite.
+/// Returns a sum of a part as a float, or NaN if derivatives of the part are not finite or too large for any sum.
 #[cube]
 pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
     let scale = scales[part as usize];
@@ -172,12 +173,13 @@ pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
     value
 }
 
-/// Words of all sums: those of all launches, then two a number for each replica of those of a launch.
+/// Returns the number of words of all sums: three per number for all launches, then two per number for each replica
+/// of one launch.
 pub(super) fn words_of_sums(replicas: usize, numbers: usize) -> usize {
     FIRST_SUM + (3 + 2 * replicas) * numbers
 }
 
-/// The first word of a replica.
+/// Returns the first word of a replica.
 #[cube]
 fn first_total(replica: u32, numbers: u32) -> usize {
     FIRST_SUM + ((3 + 2 * replica) * numbers) as usize
@@ -195,7 +197,7 @@ pub(super) struct Adding {
 
 #[cube]
 impl Adding {
-    /// Those of a thread's replica, as stages add to them.
+    /// Returns the sums of a thread's replica, in the form that stages take.
     pub fn of_thread<'a>(&self, scene: &Scene<'a>, scales: &'a [f32], thread: u32) -> Sums<'a> {
         let first = first_total(thread % self.replicas, self.numbers);
         sums_of(Totals::<'a> {
@@ -208,19 +210,19 @@ impl Adding {
     }
 }
 
-/// Bits of derivatives, times their scale, of which so many have room in a sum of 64 bits.
+/// Returns the number of bits of each scaled derivative such that a 64-bit sum can hold `derivatives` of them.
 pub(super) fn bits_of_each(derivatives: u64) -> i32 {
     (61 - (u64::BITS - derivatives.leading_zeros()) as i32).clamp(LEAST_LIMIT, 40 + MORE)
 }
 
-/// Bits that derivatives may be larger by than those that were measured before they are added to sums of 96 bits.
+/// Number of bits by which derivatives may exceed the measured ones before they are added to 96-bit sums.
 pub(super) const MORE: i32 = 12;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// So many derivatives of the largest size fit into 63 bits.
+    /// The sum of derivatives of the largest size fits into 63 bits.
     #[test]
     fn sums_have_room() {
         for log in 0..36 {

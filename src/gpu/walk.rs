@@ -1,4 +1,4 @@
-//! Where a path of a thread begins, where it is, and what it brings back.
+//! The state of a path in a thread: its start, its current ray and point, and its result.
 
 use crate::cube::*;
 
@@ -7,8 +7,9 @@ use crate::model::connection::ConeKernel;
 use crate::model::{Pair, V2, V3};
 use crate::trace::{Beside, Point, Scene, Seen};
 
-/// What the next ray of a path is for. The camera's comes first; at each point follow those to an emitter, to all
-/// emitters along the way on, to a direction of the map, and to the map along the way on; then the path goes on.
+/// The purposes of a path's rays. The camera ray comes first. At each point, shadow rays follow: to a sampled
+/// emitter, to all emitters along the sampled BSDF direction, to a sampled direction of the environment map, and to
+/// the map along the BSDF direction. Then the bounce ray continues the path.
 pub(super) const OF_CAMERA: u32 = 0;
 pub(super) const TO_EMITTER: u32 = 1;
 pub(super) const TO_EMITTERS_ALONG: u32 = 2;
@@ -17,77 +18,78 @@ pub(super) const TO_MAP_ALONG: u32 = 4;
 pub(super) const ONWARDS: u32 = 5;
 pub(super) const ENDED: u32 = 6;
 
-/// What a path brings back.
+/// The result of a path.
 #[apply(zeroed!)]
 pub(super) struct PathLight {
-    /// The surface that its first ray sees, and the light.
+    /// The surface that the first ray hits, and the light of the path.
     pub seen: Seen,
-    /// The object that is seen, or [`NONE`].
+    /// The object that the first ray hits, or [`NONE`].
     pub object: u32,
     pub rays: u32,
-    /// How often it looked for its next surface.
+    /// The number of rays that were traced to the next surface, including misses.
     pub looked: u32,
-    /// Points of surfaces that it came to.
+    /// The number of surface points on the path.
     pub points: u32,
 }
 
-/// A surface point that a path starts from in place of the camera.
+/// A surface point at which a path starts, instead of the camera.
 #[apply(zeroed!)]
 pub(super) struct Start {
     pub at: Beside,
     pub bounce: u32,
-    /// Normals about which directions are drawn, if it is paired ([`Shading`](crate::model::bsdf::Shading)).
+    /// The normals about which directions are sampled, if `paired` ([`Shading`](crate::model::bsdf::Shading)).
     pub pair: Pair,
     pub paired: bool,
     pub mirrored: bool,
-    /// Whether what it emits counts.
+    /// Whether the emission of the point counts.
     pub emits: bool,
 }
 
-/// A path on its way.
+/// The state of a path.
 #[apply(zeroed!)]
 pub(super) struct Walk {
-    /// What its ray is for, and the ray; there is none if its limit is not positive.
+    /// The purpose of the current ray, and the ray. If the limit is not positive, no ray is traced.
     pub purpose: u32,
     pub origin: V3,
     pub direction: V3,
     pub limit: f32,
-    /// What a ray to a light brings if nothing is in between.
+    /// The light of the shadow ray if no occluder is in between, without the throughput.
     pub light: V3,
-    /// Light of the map along the way on, if the ray on tells whether it is seen.
+    /// Whether the bounce ray also tests the visibility of the map along the BSDF direction, and the light that is
+    /// then added if the ray escapes.
     pub waits: bool,
     pub waiting: V3,
     pub bounce: u32,
     pub throughput: V3,
-    /// The point that it came to, the way on from there, and random numbers for the cones of shadow rays.
+    /// The current point, the sampled BSDF direction, and random numbers for the cones of shadow rays.
     pub point: Point,
     pub scatter: Scatter,
     pub cone: ConeKernel,
     /// The probability of directional lights among many emitters.
     pub share: f32,
-    /// Random numbers for the emitter that the point is connected to, and for that of the next point.
+    /// Random numbers for the emitter to which this point is connected, and for the emitter of the next point.
     pub emitter: V2,
     pub next_emitter: V2,
-    /// Where the list of emitters along the way on goes on.
+    /// The first emitter of the list that is not yet tested along the BSDF direction.
     pub next: u32,
-    /// What was seen from the point, and the bit of the next emitter along the way on.
+    /// The record's bits of lights visible from the point, and the bit of the next emitter along the BSDF direction.
     pub bits: u32,
     pub bit: u32,
 }
 
 #[cube]
 impl Walk {
-    /// Whether its ray leads to a point.
+    /// Returns whether the ray leads to a surface point: a camera ray or a bounce ray.
     pub fn arrives(&self) -> bool {
         self.purpose == OF_CAMERA || self.purpose == ONWARDS
     }
 
-    /// Whether its ray can see the environment alone.
+    /// Returns whether the ray can only reach the environment.
     pub fn is_last(&self, scene: &Scene) -> bool {
         self.purpose == ONWARDS && self.bounce >= scene.bounces
     }
 
-    /// Whether the path goes on from its point for sure, in the very direction that was drawn.
+    /// Returns whether the path certainly continues from its point, in exactly the sampled direction.
     pub fn goes_straight_on(&self, scene: &Scene) -> bool {
         let mut goes_on = self.bounce < scene.bounces && !self.scatter.weight.is_zero();
         if comptime!(scene.features.roulette) {
@@ -96,7 +98,7 @@ impl Walk {
         goes_on && comptime!(!scene.features.cones)
     }
 
-    /// Whether directions that the point scatters are looked along for lights.
+    /// Returns whether lights along the sampled BSDF direction also count at the point.
     pub fn looks_along(&self, scene: &Scene) -> bool {
         comptime!(scene.features.combined) && self.point.shading.glossy
     }

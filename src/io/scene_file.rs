@@ -162,9 +162,10 @@ impl Scene {
     ///
     /// - `.obj`, with its MTL files. Every `o` or `g` becomes an [`Object`](crate::scene::Object) with a material per
     ///   face. Pieces with the same name form one object. Vertices that faces share in the file stay shared. If a
-    ///   vertex has a fourth number w, its x, y and z are divided by w. Vertex colors (`v x y z r g b`) are sRGB; if
-    ///   any number is above 1, they are bytes. Vertices without a color are white. An object has normals or texture
-    ///   coordinates only if they are given at every corner.
+    ///   vertex has a fourth number w, its x, y and z are divided by w. Vertex colors (`v x y z r g b`) are sRGB, and
+    ///   bytes if any color value of the file is above 1. Vertices without a color are white. An object has normals
+    ///   or
+    ///   texture coordinates only if they are given at every corner.
     ///
     ///   Materials use `Kd`, `Ks`, `Ns`, `Ke` (radiance of the front side), `illum`, `map_Kd`, `map_Ks` (times `Ks`),
     ///   `map_Ke` (times `Ke`), and the texture option `-clamp on`. On objects with texture coordinates, `map_Kd`
@@ -181,7 +182,8 @@ impl Scene {
     /// - `.json`: see [`SceneFile`].
     ///
     /// Polygons become triangle fans if these fill them; other polygons are split by ear clipping. Colors are sRGB in
-    /// images (except EXR and HDR), in 8- and 16-bit integers of PLY, and at OBJ vertices. They are linear elsewhere.
+    /// images (except EXR and HDR), in unsigned 8- and 16-bit values of PLY, and at OBJ vertices, and linear
+    /// elsewhere.
     /// A warning per file lists content that would change the picture and is not rendered.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! Which derivatives are asked for, their sums on the host, and the gradients of tensors that follow from sums.
+//! The required derivatives, their sums on the host, and the gradients of tensors that follow from these sums.
 
 use std::ops::Range;
 
@@ -10,11 +10,12 @@ use crate::trace::{
     SKY, Sums, TANGENTS, TEXELS, TRIANGLES, UVS, VELOCITIES, VERTICES,
 };
 
-/// Which derivatives are asked for.
+/// The derivatives that are required.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Wanted {
     pub of: Derivatives,
-    /// 1 for each object whose vertices or velocity have any, and for each delta light.
+    /// For each object: 1 if derivatives with respect to its vertices or velocity are required, otherwise 0. The same
+    /// in `lights` for each delta light.
     pub objects: Vec<u32>,
     pub lights: Vec<u32>,
     /// Whether each delta light moves or turns.
@@ -22,7 +23,7 @@ pub(crate) struct Wanted {
 }
 
 impl Wanted {
-    /// The derivatives by tensors that are in a graph.
+    /// Returns the derivatives with respect to the tracked tensors `ids`.
     pub fn new(scene: &KernelScene, ids: impl Iterator<Item = ParameterId>) -> Self {
         use ParameterId as Id;
         let mut wanted = Self {
@@ -32,7 +33,7 @@ impl Wanted {
             ..Self::default()
         };
         let of = &mut wanted.of;
-        // Normals and exponents turn the directions that are drawn.
+        // Normals and exponents turn the sampled directions.
         let (mut exponents, mut tilts) = (false, false);
         for id in ids {
             match id {
@@ -61,7 +62,7 @@ impl Wanted {
                         matches!(part, LightPart::Position | LightPart::Direction);
                 }
                 Id::Environment => of.sky = true,
-                // Those of cameras.
+                // All other ids belong to cameras.
                 _ => of.camera = true,
             }
         }
@@ -75,17 +76,17 @@ impl Wanted {
         wanted
     }
 
-    /// Whether anything moves: geometry, or rays.
+    /// Returns whether geometry or rays move.
     pub fn moves(&self) -> bool {
         self.shifts() || self.of.turns
     }
 
-    /// Whether objects, lights or the camera move.
+    /// Returns whether objects, delta lights or the camera move.
     pub fn shifts(&self) -> bool {
         self.of.camera || self.of.objects || self.moving_lights.contains(&true)
     }
 
-    /// The numbers of each part of the sums of a scene. What is not asked for may be empty.
+    /// Returns the length of each part of the sums of a scene. Parts that are not required may be empty.
     pub fn lengths(&self, scene: &KernelScene) -> [usize; PARTS] {
         let of = &self.of;
         let some = |wanted: bool, count: usize| if wanted { count } else { 0 };
@@ -112,11 +113,11 @@ impl Wanted {
     }
 }
 
-/// Sums of derivatives by a scene and a camera.
+/// Sums of derivatives with respect to a scene and a camera.
 #[derive(Clone, Debug)]
 pub(crate) struct HostSums {
     numbers: Vec<f64>,
-    /// The first of each part.
+    /// The index of the first number of each part.
     first: [u32; PARTS],
     of: Derivatives,
 }
@@ -139,7 +140,7 @@ impl HostSums {
         self.numbers.len()
     }
 
-    /// As stages add to them.
+    /// Returns the sums in the form to which stages add.
     pub fn sums(&mut self) -> Sums<'_> {
         Sums::new(&mut self.numbers, &self.first, self.of)
     }
@@ -154,13 +155,13 @@ impl HostSums {
         &self.numbers[self.first[part as usize] as usize..past]
     }
 
-    /// A vector of a part.
+    /// Returns a vector of a part.
     fn vector(&self, part: u32, k: usize) -> V3 {
         let all = &self.part(part)[3 * k..][..3];
         v3(all[0] as f32, all[1] as f32, all[2] as f32)
     }
 
-    /// Turns derivatives by normals and areas into those by the vertices.
+    /// Turns derivatives with respect to normals and areas into derivatives with respect to vertices.
     pub fn resolve(&mut self, scene: &KernelScene) {
         for k in 0..self.part(AREAS).len() {
             let by_normal = self.vector(TRIANGLES, k);
@@ -180,7 +181,8 @@ impl HostSums {
         self.numbers[first..past].fill(0.0);
     }
 
-    /// Adds the derivatives by parameters of the scene at their places; the sums must be resolved.
+    /// Adds the derivatives with respect to parameters of the scene at their places in `all`.
+    /// [`resolve`](Self::resolve) must have been called.
     pub fn write(
         &self,
         scene: &KernelScene,
@@ -205,7 +207,7 @@ impl HostSums {
         }
     }
 
-    /// The sums of a camera.
+    /// Returns the sums of the camera.
     pub fn camera(&self) -> &[f64] {
         self.part(CAMERAS)
     }
@@ -215,19 +217,19 @@ fn add_each(to: &mut [f64], from: &[f64]) {
     to.iter_mut().zip(from).for_each(|(a, b)| *a += *b);
 }
 
-/// The sums that the derivative by a tensor follows from: rows of a part.
+/// The rows of a part of the sums from which the gradient of a tensor is made.
 pub(crate) struct Rows {
     pub part: u32,
-    /// Numbers of a row of sums, and the first row.
+    /// The length of a row of sums, and (in `first`) the index of the tensor's first row.
     pub width: usize,
     pub first: usize,
-    /// Numbers of a row of the tensor: the first of a row of sums, and zeros behind them.
+    /// The length of a row of the tensor: it takes the first numbers of a row of sums, and zeros after them.
     pub length: usize,
     pub factor: f64,
 }
 
 impl Rows {
-    /// Those of a tensor of so many numbers; none of delta lights and cameras.
+    /// Returns the rows for a tensor of `numbers` values, or `None` if it has none, as for delta lights and cameras.
     pub fn of(scene: &KernelScene, id: ParameterId, numbers: usize) -> Option<Self> {
         use ParameterId as Id;
         let per_unit = scene.frame.unit.recip();
@@ -238,7 +240,7 @@ impl Rows {
             Id::Uvs(i) => (UVS, object(i).first_uv, 2, 1.0),
             Id::Normals(i) => (NORMALS, object(i).first_normal, 3, 1.0),
             Id::Colours(i) => (COLOURS, object(i).first_colour, 3, 1.0),
-            // They count where a material has a normal map.
+            // Tangents only matter where a material has a normal map.
             Id::Tangents(i) if scene.features.tilted => (TANGENTS, object(i).first_tangent, 4, 1.0),
             Id::NormalMap(m) => {
                 let texels = scene.materials[m].normal_map?;

@@ -58,7 +58,8 @@ impl KernelScene {
         surfaces.filter(|t| t[AREA] <= 0.0).count() as u64
     }
 
-    /// Packs a scene; boxes of the last render, or of another scene, are fitted where they still serve.
+    /// Packs a scene. The hierarchy of the last render is reused if its triangles are the same. Otherwise it, or the
+    /// hierarchy `like` of another scene, is refitted if possible.
     pub fn new(
         scene: &mut HostScene,
         sampling: EmitterSampling,

@@ -1,4 +1,4 @@
-//! Pixels of a view rendered, and their derivatives, on one core.
+//! Renders pixels of a view, and computes their derivatives, on one core.
 
 use std::ops::Range;
 
@@ -11,17 +11,17 @@ use super::walk::{Kept, Path, PathBlock, Paths, RUN, Seen, TOGETHER, Walks, Work
 use crate::accel::stage;
 use crate::trace::exposure;
 
-/// What is counted of pixels, if it is not `None`.
+/// Counts for each pixel. `None` is not counted.
 #[derive(Default)]
 pub(crate) struct Counted {
-    /// How many rays of the camera hit each object of those that are counted, or something else.
+    /// The number of camera rays that hit each counted object, and the number of those that hit anything else.
     pub objects: Option<Vec<f32>>,
-    /// The rays of paths.
+    /// The number of rays of paths.
     pub rays: Option<Vec<f32>>,
 }
 
 impl View {
-    /// Sums over samples of pixels, and what is counted of each.
+    /// Returns the sums over samples of each pixel, and adds to the counts.
     pub fn render(
         &self,
         pixels: &[u32],
@@ -51,8 +51,8 @@ impl View {
         all
     }
 
-    /// Traces samples of pixels, in blocks, and does something with each: with the place of its first pixel, its samples
-    /// of each pixel, and its paths.
+    /// Traces samples of pixels in blocks and calls `act` for each block: with the index of its first pixel, its number
+    /// of samples of each pixel, and its paths.
     fn each_block(
         &self,
         pixels: &[u32],
@@ -80,7 +80,8 @@ impl View {
         }
     }
 
-    /// The mean of how much a loss depends on the radiance of a pixel, over those that it depends on.
+    /// Returns the mean, over the pixels on which the loss depends, of the size of the derivative of the loss with
+    /// respect to the pixel's radiance.
     pub fn typical(pixels: &[(u32, Seen)]) -> f32 {
         let all = pixels.iter();
         let all = all.map(|(_, g)| f64::from(g.radiance.abs().element_sum()));
@@ -89,9 +90,9 @@ impl View {
         (sum / f64::from(count.max(1))) as f32
     }
 
-    /// Adds the derivatives of sums over samples of pixels, each times the derivative of the loss by it.
-    /// `typical` is their mean over the image ([`View::typical`]), and `searches` are those for edges of each kind by a
-    /// point that counts as much.
+    /// Adds the derivatives of the sums over samples of pixels, each times the derivative of the loss with respect to
+    /// that sum. `typical` is the mean of these derivatives over the image ([`View::typical`]). `searches` is the
+    /// number of searches of each kind by a point that counts as much.
     pub fn backward(
         &self,
         pixels: &[(u32, Seen)],
@@ -124,7 +125,8 @@ impl View {
         self.each_block(&pixels, samples, kept, work, go_back);
     }
 
-    /// Counts an object that a ray of the i-th pixel hit; the last is the background.
+    /// Counts the object that a ray of the i-th pixel hit. The last count of a pixel is for the background and for
+    /// objects that are not counted.
     fn count_object(&self, i: usize, triangle: u32, objects: &mut [f32]) {
         let lists = &self.scene.lists;
         let width = lists.counted.len() + 1;
@@ -134,7 +136,7 @@ impl View {
     }
 }
 
-/// Samples in runs, which lie side by side in a sequence.
+/// Divides samples into runs that are contiguous in the sequence.
 fn runs_of(samples: &Range<u32>) -> impl Iterator<Item = Range<u32>> + use<> {
     let run = RUN as u32;
     let (start, end) = (samples.start, samples.end);
@@ -144,7 +146,7 @@ fn runs_of(samples: &Range<u32>) -> impl Iterator<Item = Range<u32>> + use<> {
     })
 }
 
-/// The paths of samples of pixels, those of a pixel one after another.
+/// Begins the paths of samples of pixels. The paths of a pixel are contiguous.
 #[apply(stage!)]
 fn begin_paths<'a>(
     tracer: &'a Tracer<'a>,

@@ -1,4 +1,4 @@
-//! What a scene is packed into.
+//! Tests of the packed scene.
 
 use burn::tensor::{Device, Tensor};
 
@@ -7,8 +7,8 @@ use crate::accel::LastHierarchy;
 use crate::sampling::EmitterSampling;
 use crate::scene::{ColorTexture, HostScene, Material, Mesh, Object, Scene};
 
-/// Emitters with a texture are chosen by its mean over the triangle: here of radiance (1 − cos 2πu)(1 + v), of which two
-/// triangles see other parts and a third a constant.
+/// Textured emitters are chosen by their mean radiance over the triangle. The radiance is (1 − cos 2πu)(1 + v). Two
+/// triangles show different parts of it, and a third emits a constant.
 #[test]
 fn a_textured_emitter_is_chosen_by_its_mean_radiance() {
     let device = Device::flex();

@@ -133,7 +133,7 @@ impl View {
         let has_nodes = |sets: &Arc<EdgeSets>| sets.seen_by(true).has_nodes;
         let of = &mut self.wanted.of;
         of.jumps = self.has_edges && !self.features.dark;
-        // This does not depend on which triangles cross, so that compiled kernels still fit when crossings change.
+        // With many triangles this is always set, so that compiled kernels still fit when crossings change.
         let many = self.scene.lists.triangles.len() > FEW_TRIANGLES;
         of.edge_nodes = many || self.edge_sets.as_ref().is_some_and(has_nodes);
         of.grouped = self.scene.emitters.groups.len() > 1;

@@ -94,9 +94,13 @@ impl LargeStepsConfig {
 /// constant is 0. `lr` is about the largest distance, in scene units, that a vertex moves in a step; it can be
 /// far larger than for Adam.
 ///
-/// The matrix applies to every parameter whose first axis has length V, to each column by itself. Other
-/// parameters (such as `[B, V, 3]`) use AdamUniform without the matrix. For a batch of meshes, build one mesh
-/// of disjoint parts. Give large textures to another optimizer with `ModuleOptimizer::with_group`.
+/// The matrix applies to every parameter whose first axis has length V, to each column by itself. Parameters of
+/// other shapes (such as `[3]` or `[B, V, 3]`) use AdamUniform without the matrix. For a batch of meshes, build
+/// one mesh of disjoint parts. Give textures and the vertices of other meshes to another optimizer with
+/// `ModuleOptimizer::with_group`; [`Fit::rate_of`](super::Fit::rate_of) has an example.
+///
+/// # Panics
+/// A step panics if a parameter has the shape `[W, 3]` of vertices, and W is not V.
 ///
 /// The optimizer runs on the host in f64. It solves with the matrix by conjugate gradients to a relative
 /// residual of 1e-10, and logs a warning if they do not converge. It skips a step, with a warning, if the
@@ -200,9 +204,13 @@ impl LargeSteps {
         state: Option<&LargeStepsState>,
     ) -> Result<(Vec<f64>, LargeStepsState)> {
         let mut g = finite(gradient)?;
-        let n = g.len();
-        let columns = match gradient.dims().first() {
-            Some(&rows) if rows == self.matrix.rows() => Some(n / rows),
+        let (n, vertices) = (g.len(), self.matrix.rows());
+        let columns = match gradient.dims()[..] {
+            [rows, ..] if rows == vertices => Some(n / rows),
+            [rows, 3] => panic!(
+                "{OBJECT}: a parameter of shape [{rows}, 3], expected [{vertices}, 3]; use an optimizer of its \
+                 mesh (ModuleOptimizer::with_group)"
+            ),
             _ => None,
         };
         if let Some(columns) = columns {

@@ -3,7 +3,7 @@
 use burn::tensor::kind::Basic;
 use burn::tensor::{Int, Tensor};
 
-use super::options::Outputs;
+use super::outputs::Outputs;
 use crate::error::Result;
 use crate::geometry::{detached, host_values};
 use crate::tensors::{Diagnostics, RayStatistics};

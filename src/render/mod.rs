@@ -8,6 +8,7 @@ mod film;
 mod kernel;
 mod node;
 mod options;
+mod outputs;
 mod overview;
 mod tensors;
 mod tiles;
@@ -28,6 +29,7 @@ pub use batch::Batch;
 pub use cache::HierarchyCache;
 pub use film::{Image, ImageBatch, Program, Statistics, SurfacesPerRay};
 pub use options::{Engine, RenderOptions};
+pub use outputs::Outputs;
 pub use overview::overview;
 
 /// Renders a scene and returns an image `[H, W, 3]`.

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::adaptive::MOST;
 use super::cache::HierarchyCache;
+use super::outputs::Outputs;
 use crate::error::{Error, Result};
 use crate::sampling::{Sampler, Sampling};
 use crate::scene::{Bounds, Normalization};
@@ -52,59 +53,62 @@ pub enum Engine {
 /// assert_eq!(format!("{loaded:?}"), format!("{options:?}"));
 /// let few: RenderOptions = serde_json::from_str(r#"{"width": 64, "height": 48, "samples": 4}"#)
 ///     .expect("options");
-/// # let _ = few;
+/// assert_eq!((few.samples, few.bounces), (4, 3));
 /// ```
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(default = "RenderOptions::without_size", deny_unknown_fields)]
+#[non_exhaustive]
 pub struct RenderOptions {
-    pub(super) width: usize,
-    pub(super) height: usize,
-    pub(super) samples: u32,
-    pub(super) bounces: u32,
-    pub(super) visibility: Visibility,
-    pub(super) engine: Engine,
-    /// The half-angle of all cones, including those of camera rays, in radians.
-    pub(super) blur: Option<f64>,
-    pub(super) sampling: Sampling,
-    pub(crate) seed: u64,
-    pub(super) roulette_after: Option<u32>,
-    pub(super) rays_per_tile: Option<usize>,
-    pub(super) adaptive: bool,
-    pub(super) adaptive_edges: bool,
-    bounds: Option<Bounds>,
+    /// The width of images in pixels.
+    pub width: usize,
+    /// The height of images in pixels.
+    pub height: usize,
+    /// See [`RenderOptions::samples`].
+    pub samples: u32,
+    /// See [`RenderOptions::bounces`].
+    pub bounces: u32,
+    /// See [`RenderOptions::visibility`].
+    pub visibility: Visibility,
+    /// See [`RenderOptions::engine`].
+    pub engine: Engine,
+    /// The half-angle of all cones, including those of camera rays, in radians ([`RenderOptions::blur`]).
+    pub blur: Option<f64>,
+    /// See [`RenderOptions::sampling`].
+    pub sampling: Sampling,
+    /// See [`RenderOptions::seed`].
+    pub seed: u64,
+    /// The bounce after which paths may end at random ([`RenderOptions::russian_roulette`]).
+    pub roulette_after: Option<u32>,
+    /// See [`RenderOptions::rays_per_tile`].
+    pub rays_per_tile: Option<usize>,
+    /// See [`RenderOptions::adaptive`].
+    pub adaptive: bool,
+    /// See [`RenderOptions::adaptive_edges`].
+    pub adaptive_edges: bool,
+    /// See [`RenderOptions::bounds`].
+    pub bounds: Option<Bounds>,
     /// The normalization to use if `bounds` is not set.
     #[serde(skip)]
     normalization: Option<Normalization>,
-    pub(super) outputs: Outputs,
-    pub(super) diagnostics: bool,
-    pub(super) statistics: bool,
-    pub(super) brute_force: bool,
+    /// The outputs in addition to radiance.
+    pub outputs: Outputs,
+    /// See [`RenderOptions::with_diagnostics`].
+    pub diagnostics: bool,
+    /// See [`RenderOptions::with_statistics`].
+    pub statistics: bool,
+    /// See [`RenderOptions::brute_force`].
+    pub brute_force: bool,
     #[serde(skip)]
     pub(super) cache: Option<HierarchyCache>,
-    pub(super) cutoff: f64,
+    /// See [`RenderOptions::cutoff`].
+    pub cutoff: f64,
     #[serde(skip)]
     pub(super) progress: Progress,
-    memory_limit: u64,
+    /// See [`RenderOptions::memory_limit`].
+    pub memory_limit: u64,
 }
 
 impl Config for RenderOptions {}
-
-/// The outputs in addition to radiance.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub(super) struct Outputs {
-    pub opacity: bool,
-    pub depth: bool,
-    pub normals: bool,
-    pub object_ids: bool,
-}
-
-impl Outputs {
-    /// Whether opacity is rendered. Depth and normals need it, since they are divided by it.
-    pub fn need_opacity(self) -> bool {
-        self.opacity || self.depth || self.normals
-    }
-}
 
 /// The callback that runs after each tile.
 #[derive(Clone, Default)]

@@ -1,5 +1,4 @@
-//! How paths are sampled, of both engines: random numbers, the choice of emitters, and the strategies that a
-//! user sets.
+//! Sampling for both engines: random numbers, the choice of emitters, and the strategies that a user sets.
 
 mod emitters;
 mod numbers;

@@ -1,4 +1,4 @@
-//! The random numbers of paths on the host, and those of eight paths at once.
+//! The random numbers of paths on the host, for one path and for eight paths at once.
 
 use super::Sequence;
 use super::sampler::Sampler;
@@ -6,17 +6,17 @@ use super::stream::{Dimensions, Four, Stream, number, point_of, scrambled, scram
 use super::table::{OF_PAIR, PAIRS, points};
 use crate::lanes::{LANES, Record};
 
-/// The bits of a shuffled place that neighbours in a sequence share.
+/// The bits of a shuffled index that neighbors in a sequence share.
 const SHARED: u32 = u32::MAX >> 4;
 
 impl Stream {
-    /// Four numbers.
+    /// Returns four numbers.
     #[inline(never)]
     pub(crate) fn numbers(&self, what: Dimensions) -> Four {
         self.draw(points(), what)
     }
 
-    /// That of the same pixel so many samples on, where these lie side by side in the sequence.
+    /// Returns the stream of the same pixel, `samples` samples later. Both samples must be neighbors in the sequence.
     #[inline(always)]
     pub(crate) fn after(&self, samples: u32) -> Self {
         let index = self.index + samples;
@@ -29,7 +29,7 @@ impl Stream {
     }
 }
 
-/// Four numbers of each of eight paths. Those of neighbouring samples share most of the work.
+/// Returns four numbers for each of eight paths. Neighboring samples share most of the work.
 #[inline(always)]
 pub(crate) fn draw_eight(streams: [&Stream; LANES], what: Dimensions) -> <Four as Record>::Lanes {
     let mut out = <Four as Record>::Lanes::default();
@@ -82,14 +82,14 @@ pub(crate) fn draw_eight(streams: [&Stream; LANES], what: Dimensions) -> <Four a
     out
 }
 
-/// The words of a pair of dimensions.
+/// Returns the table's words for a pair of dimensions.
 #[inline(always)]
 fn of_pair(pair: u32) -> &'static [u32] {
     let first = pair as usize * OF_PAIR;
     &points()[first..first + OF_PAIR]
 }
 
-/// The places of eight paths in the sequence of a round.
+/// Returns the shuffled indices of eight paths in the sequence of a round.
 #[inline(always)]
 fn places(streams: &[&Stream; LANES], round: u32) -> [u32; LANES] {
     if round > 0 {
@@ -104,8 +104,8 @@ fn later_places(streams: &[&Stream; LANES], round: u32) -> [u32; LANES] {
 }
 
 impl Sampler {
-    /// Numbers of four dimensions for a list of paths, each (pixel, sample). They have 24 bits, so that they are the
-    /// same numbers in f32 and f64.
+    /// Returns numbers in four dimensions for a list of paths (pixel, sample). They have at most 24 bits, so they are
+    /// the same numbers in f32 and f64.
     pub(crate) fn uniform(&self, paths: &[(u32, u32)], what: Dimensions) -> [Vec<f64>; 4] {
         let mut found = [(); 4].map(|()| Vec::with_capacity(paths.len()));
         for &path in paths {
@@ -117,8 +117,8 @@ impl Sampler {
         found
     }
 
-    /// For the choice between surfaces that share a ray: the control variate of that needs numbers that are independent
-    /// of all other paths (`tensors/path.rs`).
+    /// Returns numbers for the choice between surfaces that share a ray. They are independent of all other paths, which
+    /// the control variate of the choice requires (`tensors/path.rs`).
     pub(crate) fn of_surfaces(&self, paths: &[(u32, u32)], bounce: u32) -> Vec<f64> {
         let of = |&(pixel, sample)| f64::from(self.stream(pixel, sample).independent(bounce, 5));
         paths.iter().map(of).collect()
@@ -163,7 +163,7 @@ mod tests {
         let [a, ..] = sampler.uniform(&paths, Dimensions::film());
         let [_, _, b, _] = sampler.uniform(&paths, Dimensions::direction(0));
         let mean = |f: &dyn Fn(usize) -> f64| (0..a.len()).map(f).sum::<f64>() / a.len() as f64;
-        // Standard errors: 0.0011 of the mean, 0.0003 of a covariance; four of them.
+        // The standard errors are 0.0011 for the mean and 0.0003 for a covariance. The bounds are four of them.
         assert!((mean(&|i| a[i]) - 0.5).abs() < 0.0045);
         assert!((mean(&|i| a[i] * a[i]) - 1.0 / 3.0).abs() < 0.005);
         assert!(mean(&|i| (a[i] - 0.5) * (b[i] - 0.5)).abs() < 0.0013);
@@ -172,8 +172,8 @@ mod tests {
         assert!(a.iter().all(|&x| x == f64::from(x as f32)));
     }
 
-    /// Each of n samples of a pixel falls into another n-th of every dimension, and scrambles of
-    /// other seeds, pixels and rounds are others.
+    /// Each of n samples of a pixel falls into a different n-th of every dimension. Other seeds, pixels and rounds have
+    /// other scrambles.
     #[test]
     fn numbers_of_the_sequence_are_stratified() {
         let of = |seed, pixel: u32, what| {
@@ -195,12 +195,12 @@ mod tests {
                 }
             }
         }
-        // Past 2¹⁶ samples another scramble goes on.
+        // After 2¹⁶ samples, another scramble follows.
         let paths: Vec<_> = (0..1 << 17).map(|s| (7, s)).collect();
         let sampler = Sampler::new(1, Sequence::Sobol, 8, 1 << 17);
         let [values, ..] = sampler.uniform(&paths, Dimensions::film());
         assert_ne!(values[..1 << 16], values[1 << 16..]);
-        // The pixels of a block together.
+        // The pixels of a block are stratified together.
         let paths: Vec<_> = (0..64).flat_map(|p| (0..16).map(move |s| (p, s))).collect();
         let sampler = Sampler::new(5, Sequence::Sobol, 8, 16);
         let [_, _, values, _] = sampler.uniform(&paths, Dimensions::direction(0));

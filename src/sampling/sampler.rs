@@ -5,25 +5,25 @@ use super::stream::{Stream, scrambled};
 use crate::cube::*;
 use crate::model::integers::{Wide, mix, mixed, morton, wide};
 
-/// The source of random numbers: a number is a function of (seed, pixel, sample, bounce,
-/// dimension), the same on every backend and whatever the tiles and threads.
+/// The source of random numbers: each number is a function of (seed, pixel, sample, bounce, dimension), the same on
+/// every backend and for any tiles and threads.
 #[apply(record!)]
 pub(crate) struct Sampler {
     pub seed: Wide,
     #[cfg_attr(feature = "wgpu", cube(comptime))]
     pub sequence: Sequence,
-    /// Pixels of a row of the image.
+    /// The width of the image in pixels.
     pub width: u32,
-    /// log₂ of the samples of a pixel, rounded up, and of the pixels that share a sequence.
+    /// log₂ of the number of samples of a pixel (rounded up), and of the number of pixels that share a sequence.
     pub samples: u32,
     pub pixels: u32,
 }
 
-/// A sequence has 2¹⁶ numbers.
+/// log₂ of the length of a sequence, which has 2¹⁶ points.
 const LENGTH: u32 = 16;
 
 impl Sampler {
-    /// For an image of some width, with so many samples a pixel.
+    /// Creates the source for an image that is `width` pixels wide, with `samples` samples for each pixel.
     pub(crate) fn new(seed: u64, sequence: Sequence, width: usize, samples: u32) -> Self {
         let samples = samples.next_power_of_two().trailing_zeros().min(LENGTH);
         Self {
@@ -35,7 +35,7 @@ impl Sampler {
         }
     }
 
-    /// Another source, for another purpose.
+    /// Returns another source, for another purpose.
     pub(crate) fn of_purpose(&self, purpose: u64) -> Self {
         Self {
             seed: mix(u64::from(self.seed) ^ mix(purpose)).into(),
@@ -46,7 +46,7 @@ impl Sampler {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Sampler {
-    /// The same source with a sequence as long as there is for each pixel.
+    /// Returns the same source with a whole sequence for each pixel.
     pub fn of_one_pixel(self) -> Sampler {
         Sampler {
             seed: self.seed,
@@ -57,7 +57,7 @@ impl Sampler {
         }
     }
 
-    /// The random numbers of a path. A sequence is dealt to a block of pixels in Morton order.
+    /// Returns the random numbers of a path. A sequence is dealt to a block of pixels in Morton order.
     #[inline(always)]
     pub fn stream(self, pixel: u32, sample: u32) -> Stream {
         let mut index = 0u32;

@@ -1,4 +1,4 @@
-//! The strategies by which a render samples.
+//! The sampling strategies of a render.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,19 +11,20 @@ use crate::lanes::Record;
 pub enum Sequence {
     /// Independent uniform numbers.
     Independent,
-    /// Owen-scrambled sequences (Burley 2020) of the kind of Sobol's, with 16 dimensions that are
-    /// spread well in pairs and fours too (Ahmed et al. 2023), each dealt to a block of pixels in
-    /// Morton order (Ahmed and Wonka 2020): image, lens, shutter, emitters and directions are
-    /// stratified together, within a pixel and over the pixels of a block, which is what gradients
-    /// are sums over. Numbers of samples that are powers of two serve it best, 16, 64 and 256 above
-    /// all. A standard error is that over independent seeds, not over samples or pixels.
+    /// Owen-scrambled low-discrepancy sequences (Burley 2020), similar to Sobol's.
+    ///
+    /// They have 16 dimensions, which are also well distributed in pairs and fours (Ahmed et al. 2023). Each sequence
+    /// is dealt to a block of pixels in Morton order (Ahmed and Wonka 2020). So image, lens, shutter time, emitters and
+    /// directions are stratified together, within a pixel and over the pixels of a block, over which gradients are
+    /// sums. The best numbers of samples are powers of two, above all 16, 64 and 256. A standard error must be taken
+    /// over independent seeds, not over samples or pixels.
     #[default]
     Sobol,
 }
 
 known_to_kernels!(Sequence);
 
-/// All paths share it.
+/// All paths share the sequence.
 impl Record for Sequence {
     type Lanes = Self;
 
@@ -38,37 +39,39 @@ impl Record for Sequence {
     }
 }
 
-/// The probabilities with which emitters, which are triangles and lights without a surface, are connected to.
+/// The probabilities with which next-event estimation chooses emitters: emitting triangles and delta lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum EmitterSampling {
-    /// All alike, as in the paper.
+    /// The same probability for all, as in the paper.
     Uniform,
-    /// In proportion to power: area times radiance of a triangle.
+    /// Probabilities in proportion to power; for a triangle this is area times radiance.
     Power,
-    /// About in proportion to the light that each brings to a point, and a tenth by power. Up to 64 are weighed by
-    /// solid angle times radiance; where these lie all in one plane, by power. More are drawn by a tree, whose bounds
-    /// of place, orientation and power take the point's own normal into account, in a time that grows with the
-    /// logarithm of their number. Lights without a surface are among them.
+    /// Probabilities about in proportion to the light that each emitter brings to a point, and for a tenth to its
+    /// power.
+    ///
+    /// Up to 64 emitters are weighted by solid angle times radiance, or by power if all are static triangles in one
+    /// plane. More emitters are drawn from a tree. Its bounds of position, orientation and power account for the
+    /// point's own normal, and its time grows with the logarithm of the number of emitters. Delta lights are included.
     #[default]
     SolidAngle,
 }
 
-/// The choice between the surfaces that share a camera ray, from which its path goes on.
+/// The surfaces from which a path continues if several share a primary ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum SurfaceSampling {
-    /// One, drawn with its weight, as in the paper.
+    /// One surface, drawn by its weight, as in the paper.
     Drawn,
-    /// All that matter, each with its weight: a path for every surface with a weight of at least a
-    /// quarter, fewer of smaller ones by chance. Gradients of visibility then have no noise of a
-    /// draw. Bounce rays draw one.
+    /// All surfaces that matter, each with its weight. Every surface with a weight of at least a quarter gets a path,
+    /// and a smaller one gets a path only by chance. Gradients of visibility then have no noise from a draw. Bounce
+    /// rays draw one surface.
     #[default]
     Split,
 }
 
-/// The strategies by which a render samples. No choice changes what it converges to, nor its gradients: only how
-/// fast.
+/// The sampling strategies of a render. They change neither the image nor the gradients to which a render converges,
+/// only how fast it converges.
 ///
 /// ```
 /// use softray::prelude::*;
@@ -85,10 +88,11 @@ pub struct Sampling {
     pub sequence: Sequence,
     /// The probabilities of emitters.
     pub emitters: EmitterSampling,
-    /// The surfaces that camera rays go on from.
+    /// The surfaces from which the paths of primary rays continue.
     pub surfaces: SurfaceSampling,
-    /// Whether points on emitters (from glossy surfaces) and directions to an environment map are
-    /// chosen by the BSDF as well, combined by the power heuristic (Veach and Guibas 1995).
+    /// Whether MIS by the power heuristic (Veach and Guibas 1995) combines two strategies. If so, points on emitters
+    /// are also sampled by the BSDF (from glossy surfaces), and directions to an environment map by both the map and
+    /// the BSDF. If not, light sampling alone serves emitters, and the BSDF alone serves the map.
     pub multiple_importance: bool,
 }
 
@@ -104,7 +108,8 @@ impl Default for Sampling {
 }
 
 impl Sampling {
-    /// The paper's: independent numbers, one surface drawn a ray, one emitter of all drawn alike.
+    /// Returns the paper's strategies: independent numbers, one surface drawn for each ray, and the same probability
+    /// for all emitters.
     pub fn paper() -> Self {
         Self {
             sequence: Sequence::Independent,

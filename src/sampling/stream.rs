@@ -1,4 +1,4 @@
-//! Random numbers from a stream of them, in Rust and in kernels of GPUs.
+//! The random numbers of one path, in Rust and in GPU kernels.
 
 use super::Sequence;
 use super::table::{OF_PAIR, PAIRS};
@@ -24,25 +24,25 @@ pub(crate) struct Words {
     pub w: u32,
 }
 
-/// The coordinates of a point in a pair of dimensions, their bits reversed.
+/// The coordinates of a point in a pair of dimensions, with reversed bits.
 #[apply(record!)]
 pub(crate) struct Coordinates {
     pub x: u32,
     pub y: u32,
 }
 
-/// Four dimensions whose numbers are needed together: two pairs of the sequence's.
+/// Four dimensions whose numbers are used together: two pairs of the sequence's dimensions.
 ///
-/// What a path is connected to at a point, and the way on from there, bring light that is added up. So their numbers may
-/// come from the same pair of dimensions, scrambled apart: few dimensions, which are spread best, are enough.
+/// At a point, the light of a connection and the light of the continuation are added up. So their numbers may come from
+/// the same pair of dimensions with different scrambles. Few dimensions suffice, and these are the best distributed.
 #[apply(record!)]
 pub(crate) struct Dimensions {
     /// The pairs, counted over all rounds through the sequence's dimensions.
     pub first: u32,
     pub second: u32,
-    /// What their scrambles are made from.
+    /// The key of their scrambles.
     pub set: u32,
-    /// Independent numbers have a purpose each, the first two at a bounce, the others at another.
+    /// Each independent number has a purpose. The first two belong to `bounce`, the last two to `next`.
     bounce: u32,
     next: u32,
     purposes: Words,
@@ -50,21 +50,21 @@ pub(crate) struct Dimensions {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Dimensions {
-    /// Film x and y, and for an emitter and a point on it, seen from the first surface.
+    /// Returns the dimensions for film x and y, and for an emitter and a point on it, seen from the first surface.
     #[inline(always)]
     pub fn film() -> Dimensions {
         let purposes = words(0u32, 1u32, 6u32, 7u32);
         dimensions(0u32, of_light(0u32), 0u32, 0u32, 0u32, purposes)
     }
 
-    /// Lens radius and angle, and time.
+    /// Returns the dimensions for lens radius and angle, and shutter time.
     #[inline(always)]
     pub fn lens_and_time() -> Dimensions {
         let purposes = words(2u32, 3u32, 4u32, 4u32);
         dimensions(4u32, 5u32, 1u32, 0u32, 0u32, purposes)
     }
 
-    /// For a direction, and for an emitter and a point on it, seen from where it leads.
+    /// Returns the dimensions for a direction, and for an emitter and a point on it, seen from the next surface.
     #[inline(always)]
     pub fn direction(bounce: u32) -> Dimensions {
         let purposes = words(11u32, 12u32, 6u32, 7u32);
@@ -72,7 +72,7 @@ impl Dimensions {
         dimensions(here, there, 2 + 2 * bounce, bounce, bounce + 1, purposes)
     }
 
-    /// For the choice of a lobe, for survival, and for a direction to the environment.
+    /// Returns the dimensions for the choice of a lobe, Russian roulette, and a direction to the environment map.
     #[inline(always)]
     pub fn choices(bounce: u32) -> Dimensions {
         let purposes = words(10u32, 13u32, 8u32, 9u32);
@@ -80,7 +80,7 @@ impl Dimensions {
         dimensions(own, light, 3 + 2 * bounce, bounce, bounce, purposes)
     }
 
-    /// For a stream that serves one purpose.
+    /// Returns the dimensions for a stream that serves one purpose.
     #[inline(always)]
     pub fn of_set(set: u32) -> Dimensions {
         let purposes = words(16u32, 17u32, 18u32, 19u32);
@@ -89,7 +89,7 @@ impl Dimensions {
 }
 
 impl Dimensions {
-    /// Of which the last two are for an emitter, and a point on it, seen from the surface at a bounce.
+    /// Returns the dimensions whose last two are for an emitter and a point on it, seen from the surface at a bounce.
     #[inline(always)]
     pub fn emitter(bounce: u32) -> Self {
         match bounce {
@@ -99,14 +99,14 @@ impl Dimensions {
     }
 }
 
-/// The pair of dimensions for light that comes to the point at a bounce.
+/// Returns the pair of dimensions for light that arrives at the point of a bounce.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn of_light(bounce: u32) -> u32 {
     select(bounce > 2, 2 * bounce + 2, bounce + 1)
 }
 
-/// The pair of dimensions for choices there.
+/// Returns the pair of dimensions for the choices at a bounce.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn of_choices(bounce: u32) -> u32 {
@@ -139,7 +139,7 @@ fn words(x: u32, y: u32, z: u32, w: u32) -> Words {
     Words { x, y, z, w }
 }
 
-/// What the random numbers of one path are made from.
+/// The keys of the random numbers of one path.
 #[apply(record!)]
 pub(crate) struct Stream {
     pub seed: Wide,
@@ -147,18 +147,17 @@ pub(crate) struct Stream {
     pub sequence: Sequence,
     pub pixel: u32,
     pub sample: u32,
-    /// The place in the sequence of the path's block of pixels, and what is the block's own.
+    /// The path's index in the sequence of its block of pixels, and the key of the block.
     pub index: u32,
     pub block: Wide,
-    /// What scrambles are made from, and the place, shuffled and its bits reversed, in the first round through the
-    /// dimensions.
+    /// The key of scrambles, and the index in the first round through the dimensions, shuffled and with reversed bits.
     pub stage: Wide,
     pub shuffled: u32,
 }
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl Stream {
-    /// Four numbers, from the points of the sequence.
+    /// Returns four numbers. `points` are the points of the sequence.
     #[inline(always)]
     pub fn draw(self, points: &[u32], what: Dimensions) -> Four {
         if comptime!(self.sequence == Sequence::Sobol) {
@@ -173,7 +172,7 @@ impl Stream {
         }
     }
 
-    /// A number that is independent of all others, for a purpose at a bounce. It has 24 bits.
+    /// Returns a number of 24 bits for a purpose at a bounce, independent of all others.
     #[inline(always)]
     pub(super) fn independent(self, bounce: u32, purpose: u32) -> f32 {
         let stage = mixed(self.seed.xor(wide(purpose, bounce)));
@@ -181,7 +180,7 @@ impl Stream {
         (h.high >> 8) as f32 * (1.0f32 / 16_777_216.0f32)
     }
 
-    /// Four dimensions of the sequence of the path's block: its points, shuffled and scrambled as by Burley (2020).
+    /// Returns four dimensions of the block's sequence. Its points are shuffled and scrambled as by Burley (2020).
     #[inline(always)]
     fn of_sequence(self, points: &[u32], what: Dimensions) -> Four {
         let first = point_of(points, what.first % PAIRS, self.place(what.first / PAIRS));
@@ -195,7 +194,8 @@ impl Stream {
         }
     }
 
-    /// The place in the sequence, shuffled and its bits reversed: the dimensions of later rounds come from another each.
+    /// Returns the shuffled index in the sequence, with reversed bits. Each round through the dimensions has its own
+    /// shuffle.
     #[inline(always)]
     pub(super) fn place(self, round: u32) -> u32 {
         let mut shuffled = self.shuffled;
@@ -207,7 +207,7 @@ impl Stream {
     }
 }
 
-/// The seeds that scramble a set of four dimensions.
+/// Returns the seeds that scramble a set of four dimensions.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn scrambles(stage: Wide, set: u32) -> Words {
@@ -216,7 +216,7 @@ pub(super) fn scrambles(stage: Wide, set: u32) -> Words {
     words(a.low, a.high, b.low, b.high)
 }
 
-/// A point of a pair of dimensions: the sum, without carry, of those of the parts of its index.
+/// Returns a point in a pair of dimensions: the XOR of the table's entries for the parts of the index.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn point_of(points: &[u32], pair: u32, index: u32) -> Coordinates {
@@ -232,7 +232,7 @@ pub(super) fn point_of(points: &[u32], pair: u32, index: u32) -> Coordinates {
     }
 }
 
-/// Owen's scrambling of a number whose bits are reversed, by a hash (Burley 2020, Vegdahl 2021).
+/// Applies Owen scrambling to a number with reversed bits, by a hash (Burley 2020, Vegdahl 2021).
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn scrambled(n: u32, scramble: u32) -> u32 {
@@ -242,7 +242,7 @@ pub(super) fn scrambled(n: u32, scramble: u32) -> u32 {
     c ^ product(c, 0x53a2_2864u32)
 }
 
-/// A number in [0, 1) from a coordinate of a point.
+/// Scrambles a coordinate of a point and converts it to a number in [0, 1).
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(super) fn number(coordinate: u32, scramble: u32) -> f32 {

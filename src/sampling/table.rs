@@ -1,26 +1,30 @@
-//! The points of a sequence of 16 dimensions: of any 16ᵏ in a row that begin at a multiple of it, each box of volume
-//! 16⁻ᵏ whose sides are powers of 1/16 has one, in any of the dimensions. So has each box of volume 4⁻ᵏ in four
-//! dimensions (4 q and after) of 4ᵏ points whose sides are powers of ¼, and each of 2⁻ᵏ in two (2 p and after) of 2ᵏ
-//! points: Faure's sequence over the field of 16 elements, in which those over 4 and 2 are nested (Ahmed, Skopenkov,
-//! Hadwiger and Wonka 2023). A digit of four bits is an element, and all that is done to it is linear in its bits.
+//! The points of a low-discrepancy sequence of 16 dimensions: Faure's sequence over the field of 16 elements, which
+//! contains the sequences over the fields of 4 and 2 (Ahmed, Skopenkov, Hadwiger and Wonka 2023).
+//!
+//! Each box below contains one point of a run whose start is a multiple of its length:
+//! - 16ᵏ points, any dimensions: boxes of volume 16⁻ᵏ whose sides are powers of 1/16;
+//! - 4ᵏ points, four dimensions (4 q and after): boxes of volume 4⁻ᵏ whose sides are powers of ¼;
+//! - 2ᵏ points, two dimensions (2 p and after): boxes of volume 2⁻ᵏ.
+//!
+//! A digit of four bits is an element of the field. All operations on digits are linear in their bits.
 
 use std::sync::OnceLock;
 
-/// Pairs of dimensions, and the words of each.
+/// The number of pairs of dimensions, and the words of each pair in the table.
 pub(super) const PAIRS: u32 = 8;
 pub(super) const OF_PAIR: usize = 128;
 
-/// Digits of an index, of four bits each.
+/// The number of digits of an index. A digit has four bits.
 const DIGITS: u32 = 4;
 
-/// What is done to the digits of dimensions so that boxes are those of a smaller field, too: each row is one bit of the
-/// product. The first makes a pair of one dimension, the second four of a pair; the last, one for each four dimensions,
-/// leaves those as they are, and spreads fewer points than 256 well in other pairs.
+/// Linear maps of digits, by which the boxes of the smaller fields have one point each too. Each row gives one bit of
+/// the product. `IN_PAIR` makes two dimensions of one, `IN_FOUR` makes four of two. `OF_FOUR` has a map for each four
+/// dimensions. It leaves the properties of these unchanged, and distributes fewer than 256 points well in other pairs.
 const IN_PAIR: [u8; 4] = [15, 10, 12, 8];
 const IN_FOUR: [u8; 4] = [13, 6, 4, 8];
 const OF_FOUR: [[u8; 4]; 4] = [[1, 2, 4, 8], [5, 10, 4, 8], [9, 14, 4, 8], [13, 6, 4, 8]];
 
-/// The product of two elements of the field of four, 0, 1, w and w + 1.
+/// Returns the product of two elements of the field of four: 0, 1, w and w + 1.
 fn product_of_four(a: u8, b: u8) -> u8 {
     let carried = (if b & 1 != 0 { a } else { 0 }) ^ (if b & 2 != 0 { a << 1 } else { 0 });
     // w² = w + 1.
@@ -31,7 +35,7 @@ fn product_of_four(a: u8, b: u8) -> u8 {
     }
 }
 
-/// The product of two elements a + b y of the field of 16, where y² = y + w.
+/// Returns the product of two elements a + b y of the field of 16, where y² = y + w.
 fn product(a: u8, b: u8) -> u8 {
     let high = product_of_four(a >> 2, b >> 2);
     let cross = product_of_four(a & 3, b >> 2) ^ product_of_four(a >> 2, b & 3);
@@ -39,17 +43,19 @@ fn product(a: u8, b: u8) -> u8 {
     low | ((cross ^ high) << 2)
 }
 
-/// A digit whose bits are parities of those that rows name.
+/// Applies a linear map to a digit: each bit of the result is the parity of the bits that a row selects.
 fn mixed(rows: [u8; 4], digit: u8) -> u8 {
     let bit = |r: usize| u8::from((rows[r] & digit).count_ones() & 1 == 1) << r;
     bit(0) | bit(1) | bit(2) | bit(3)
 }
 
-/// What a digit of the index, by its place, adds to a coordinate: the last bit is what halves the range.
+/// Returns the contribution of a digit of the index to a coordinate with reversed bits: the lowest bit halves the
+/// range.
 fn coordinate(dimension: u8, place: u32, digit: u8) -> u32 {
     let of_digit = |i: u32| {
-        // The i-th derivative of a polynomial at the dimension's element, whose coefficients are the digits: binomials
-        // are 0 or 1, which are 1 where the bits of i are among those of the place.
+        // Digit i of the coordinate is the i-th derivative, at the dimension's element, of the polynomial whose
+        // coefficients are the index digits. Binomial coefficients are 1 where the bits of i are a subset of the bits
+        // of `place`, otherwise 0.
         if i > place || i & !place != 0 {
             return 0;
         }
@@ -66,8 +72,8 @@ fn coordinate(dimension: u8, place: u32, digit: u8) -> u32 {
     (0..DIGITS).fold(0, |sum, i| sum | of_digit(i))
 }
 
-/// The coordinates, with their bits reversed, for each pair of dimensions by four bits of the reversed index at a time: a
-/// point is the sum, without carry, of those of the four parts of its index.
+/// Returns the table of coordinates with reversed bits, for each pair of dimensions and each four bits of the reversed
+/// index. A point is the XOR of the entries for the four parts of its index.
 pub(crate) fn points() -> &'static [u32] {
     static POINTS: OnceLock<Vec<u32>> = OnceLock::new();
     POINTS.get_or_init(|| {
@@ -90,7 +96,8 @@ mod tests {
         of.fold(0, |sum, part| sum ^ part).reverse_bits()
     }
 
-    /// Whether each of boxes has one of as many points: `sides` are log₂ of the boxes along dimensions.
+    /// Returns whether each box contains one point, for as many points as boxes. `sides` lists dimensions, each with
+    /// log₂ of the number of boxes along it.
     fn is_even(sides: &[(u8, u32)]) -> bool {
         let bits: u32 = sides.iter().map(|s| s.1).sum();
         let cell = |index: u32| {

@@ -185,6 +185,16 @@ fn other_shapes_take_adam_uniform() {
     }
 }
 
+#[test]
+#[should_panic(expected = "of shape [5, 3], expected [12, 3]")]
+fn vertices_of_another_mesh_are_refused() {
+    let device = Device::flex();
+    let mesh = shapes::icosahedron(&device);
+    let steps = LargeSteps::from_mesh(&mesh, &LargeStepsConfig::default()).expect("a mesh");
+    let rows = || tensor(&[0.0; 15], 3, &device, DType::F64);
+    step(&mut ModuleOptimizer::from(steps), leaf(rows()), 0.5, rows());
+}
+
 /// What an image does to a mesh: noisy gradients at every seventh vertex. Both optimisers go on
 /// until those vertices are as near to the target.
 #[test]

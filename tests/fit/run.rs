@@ -8,7 +8,7 @@ use crate::common;
 use crate::common::errors::{message, says};
 use crate::common::process::again;
 use crate::common::values;
-use burn::module::{Module, Param};
+use burn::module::{Module, Param, ParamGroup};
 use burn::optim::{AdamConfig, SgdConfig};
 use burn::tensor::Device;
 use softray::optim::{BlurSchedule, Evaluation, Fit, Fitted, PlateauBlur, Rate, Step, Stop, loss};
@@ -187,17 +187,18 @@ fn mistakes_are_named() {
     fit().folder(&folder).run(bowl).expect("a fit");
     let sgd = SgdConfig::new().init();
     let slower = AdamConfig::new().with_beta_1(0.8).init();
-    let of = |optimizer, steps| Fit::new(point(&[0.5]), optimizer, steps).progress(false);
+    let of = |optimizer| Fit::new(point(&[0.5]), optimizer, 10).progress(false);
+    let own = ParamGroup::from_path("at");
     for (name, other) in [
         ("seed", fit().seed(5)),
-        ("steps", of(adam(), 20)),
         ("rate", fit().rate(Rate::cosine(0.01))),
         (
             "blur",
             fit().blur(BlurSchedule::decay(0.1, 0.01, 5).expect("one")),
         ),
-        ("optimizer", of(sgd, 10)),
-        ("optimizer", of(slower, 10)),
+        ("groups' rates", fit().rate_of(own, 0.1)),
+        ("optimizer", of(sgd)),
+        ("optimizer", of(slower)),
     ] {
         let found = message(other.folder(&folder).run(bowl));
         let named = found.matches(" now").count() == 1 && found.contains(&format!("(\"{name} "));
@@ -205,6 +206,38 @@ fn mistakes_are_named() {
     }
     let fitted = fit().seed(5).folder(&folder).restart(true).run(bowl);
     assert_eq!(fitted.expect("a fit").resumed, None);
+}
+
+#[test]
+fn finished_fits_continue_with_more_steps() {
+    let folder = folder("more");
+    let fit = |steps| Fit::new(point(&[0.5, -1.0]), adam(), steps).progress(false);
+    fit(10).folder(&folder).run(bowl).expect("a fit");
+    let more = fit(25).folder(&folder).run(bowl).expect("a fit");
+    assert_eq!((more.resumed, more.history.rows.len()), (Some(10), 25));
+    let whole = fit(25).run(bowl).expect("a fit");
+    assert_eq!(place(&more.module), place(&whole.module));
+}
+
+/// A group's rate moves its own parameters alone.
+#[test]
+fn groups_have_rates_of_their_own() {
+    let fit = || {
+        let optimizer = SgdConfig::new().init();
+        Fit::new(point(&[0.5, -1.0]), optimizer, 3)
+            .rate(0.1)
+            .progress(false)
+    };
+    let moved = |fit: Fit<Point>| place(&fit.run(bowl).expect("a fit").module);
+    let others = ParamGroup::from_path("nowhere");
+    assert_eq!(moved(fit()), moved(fit().rate_of(others, 0.7)));
+    let own = || ParamGroup::from_path("at");
+    assert_eq!(moved(fit().rate(0.3)), moved(fit().rate_of(own(), 0.3)));
+    // The last group counts.
+    let twice = fit().rate_of(ParamGroup::all(), 0.7).rate_of(own(), 0.3);
+    assert_eq!(moved(fit().rate(0.3)), moved(twice));
+    let negative = fit().rate_of(own(), -1.0).run(bowl);
+    assert!(message(negative).contains("rate is -1"));
 }
 
 /// Bytes that changed, in any file of a checkpoint: the one before it serves, and the fit ends the same.

@@ -1,4 +1,4 @@
-//! Eight numbers in a register of AVX2.
+//! Eight numbers in an AVX2 register.
 
 use super::float8::{LANES, Lanes, Machine};
 

@@ -1,16 +1,16 @@
-//! Eight numbers at once: the instructions of a machine, and the operators of numbers.
+//! Eight numbers at once: the instructions of a machine, and operators on numbers.
 
 use std::ops::{Add, Mul, Sub};
 
-/// Numbers that one instruction takes: those of a register, and the triangles of a leaf.
+/// The number of values that one instruction processes: the size of a register, and the number of triangles of a leaf.
 pub(crate) const LANES: usize = 8;
 
-/// Eight numbers, one a lane.
+/// Eight numbers, one per lane.
 pub(crate) type Lanes = [f32; LANES];
 
-/// The operations that a machine has as one instruction each.
+/// The operations that a machine performs with one instruction each.
 pub(crate) trait Machine: Copy {
-    /// Eight numbers, and eight answers.
+    /// Eight numbers, and eight results of a comparison.
     type Floats: Copy;
     type Mask: Copy;
 
@@ -23,31 +23,31 @@ pub(crate) trait Machine: Copy {
     fn div(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// a·b + c.
     fn mul_add(self, a: Self::Floats, b: Self::Floats, c: Self::Floats) -> Self::Floats;
-    /// b where one is not a number.
+    /// Returns b if one of them is NaN; `max` does the same.
     fn min(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     fn max(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     fn abs(self, a: Self::Floats) -> Self::Floats;
-    /// a < b, false where one is not a number.
+    /// a < b; false if one of them is NaN.
     fn less(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
     fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
     fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
     fn not(self, a: Self::Mask) -> Self::Mask;
     fn select(self, mask: Self::Mask, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     fn mask_bits(self, mask: Self::Mask) -> u32;
-    /// The lanes of eight rows of numbers.
+    /// Returns, for each column, the numbers of all eight rows.
     fn transpose(self, rows: &[Lanes; LANES]) -> [Self::Floats; LANES];
-    /// The least of all lanes; none may be other than a number.
+    /// Returns the minimum of all lanes. None may be NaN.
     fn least(self, a: Self::Floats) -> f32;
 }
 
-/// Eight numbers of a machine, with the operators of numbers.
+/// Eight numbers on a machine, with the operators of numbers.
 #[derive(Clone, Copy)]
 pub(crate) struct F8<M: Machine> {
     machine: M,
     floats: M::Floats,
 }
 
-/// Eight answers.
+/// Eight results of a comparison.
 #[derive(Clone, Copy)]
 pub(crate) struct Mask8<M: Machine> {
     machine: M,
@@ -83,14 +83,14 @@ impl<M: Machine> F8<M> {
         }
     }
 
-    /// The least of all lanes, which have to be numbers.
+    /// Returns the minimum of all lanes. None may be NaN.
     #[inline(always)]
     pub fn least(self) -> f32 {
         self.machine.least(self.floats)
     }
 }
 
-/// Operations of a machine on the numbers of a type.
+/// Defines the operations of a machine on the numbers of a type.
 macro_rules! operations {
     ($of:ident, $part:ident: $($(#[$doc:meta])* $name:ident($($b:ident),*);)*) => {
         impl<M: Machine> $of<M> {
@@ -122,7 +122,7 @@ operations! { Mask8, mask:
 }
 
 impl<M: Machine> Mask8<M> {
-    /// a where it is true, else b.
+    /// Returns a where the mask is true, otherwise b.
     #[inline(always)]
     pub fn select(self, a: F8<M>, b: F8<M>) -> F8<M> {
         F8::of(
@@ -131,7 +131,7 @@ impl<M: Machine> Mask8<M> {
         )
     }
 
-    /// One bit each.
+    /// Returns the mask as one bit per lane.
     #[inline(always)]
     pub fn bits(self) -> u32 {
         self.machine.mask_bits(self.mask)

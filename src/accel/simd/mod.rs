@@ -1,4 +1,4 @@
-//! Eight numbers at once, in code for what the machine has, chosen while it runs.
+//! Eight numbers at once, with the instructions of the machine, which are chosen at run time.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -10,16 +10,16 @@ use pulp::Arch;
 pub(crate) use float8::{F8, LANES, Lanes, Machine, Mask8};
 pub(crate) use plain::Plain;
 
-/// Something to do in code for what the machine has. Not a closure: those that only borrow go through a
-/// function of `core`, which is compiled for any machine. All that it calls is to be inlined, for the
-/// same reason.
+/// Work that is compiled for the machine's instructions. It is not a closure, because a closure that only borrows
+/// passes through a function of `core`, which is compiled for any machine. For the same reason, everything that it
+/// calls must be inlined.
 pub(crate) trait Task {
     type Output;
 
     fn run<M: Machine>(self, machine: M) -> Self::Output;
 }
 
-/// Makes a function a [`Task`], done on the machine that `arch` of its first argument names.
+/// Turns a function into a [`Task`], which runs on the machine given by `arch` of its first argument.
 macro_rules! stage {
     (
         $(#[$meta:meta])*
@@ -52,7 +52,8 @@ macro_rules! stage {
 }
 pub(crate) use stage;
 
-/// A function of each of three numbers, written out: a closure that `map` of arrays is given may not be inlined.
+/// Applies an expression to each of three numbers. It is written out, because a closure passed to `map` of arrays may
+/// not be inlined.
 macro_rules! each_of_three {
     (|$x:ident| $value:expr, $three:expr) => {{
         let [a, b, c] = $three;
@@ -77,7 +78,7 @@ impl<T: Task, M: Machine> pulp::WithSimd for OnMachine<T, M> {
     }
 }
 
-/// Does something in code for a machine.
+/// Runs a task with the instructions of a machine.
 #[inline(always)]
 pub(crate) fn dispatch<T: Task>(arch: Arch, task: T) -> T::Output {
     match arch {

@@ -1,12 +1,12 @@
-//! Eight numbers lane by lane, in code that the compiler makes vectors of on any machine.
+//! Eight numbers lane by lane, in code that the compiler vectorizes for any machine.
 
 use super::float8::{LANES, Lanes, Machine};
 
-/// A machine without instructions of its own. `FUSED` says whether it has a·b + c as one.
+/// A machine without explicit instructions. `FUSED` is true if it computes a·b + c in one instruction.
 #[derive(Clone, Copy)]
 pub(crate) struct Plain<const FUSED: bool>;
 
-/// The value of each lane.
+/// Computes the value of each lane.
 #[inline(always)]
 fn each<T: Copy + Default>(f: impl Fn(usize) -> T) -> [T; LANES] {
     let mut lanes = [T::default(); LANES];
@@ -16,7 +16,7 @@ fn each<T: Copy + Default>(f: impl Fn(usize) -> T) -> [T; LANES] {
     lanes
 }
 
-/// Operations on each lane by itself.
+/// Operations that treat each lane independently.
 macro_rules! by_lane {
     ($($name:ident($($a:ident: $of:ident),*) -> $to:ident = |$i:ident| $value:expr;)*) => {
         $(

@@ -1,4 +1,4 @@
-//! The light on both sides of points of edges, of paths that begin there.
+//! The light on both sides of edge points, from paths that begin there.
 
 use macro_rules_attribute::apply;
 
@@ -12,7 +12,7 @@ use crate::sampling::Stream;
 use crate::trace::{Approach, Point, Seen, beside, emitted, hides, is_crease, point_at, sky};
 
 impl Approach {
-    /// A ray past the edge, which does not see its faces.
+    /// Returns a ray past the edge that ignores the edge's faces.
     #[inline(always)]
     pub(super) fn ray(&self, time: f32, limit: f32) -> HitRay {
         let faces = self.point.faces;
@@ -23,17 +23,19 @@ impl Approach {
     }
 }
 
-/// Paths beside an edge: on its − and + side, and at a crease two whose first directions are mirrored.
+/// The paths beside an edge: one on its − side, one on its + side, and at a crease two more with mirrored first
+/// directions.
 const WALKS: usize = 4;
 
-/// The hits of rays past edges. Apart from those of paths, so that compilers inline both.
+/// Computes the hits of rays past edges. It is separate from the function for paths so that compilers inline both.
 pub(super) fn find_beside<const ANY: bool>(view: &View, work: &mut Work) {
     let holes = view.scene.holes.as_deref();
     (view.scene.hierarchy).hits::<ANY, true>(view.arch, holes, &work.rays, &mut work.hits);
 }
 
-/// Finds the light beside points of edges, of paths that begin there at a bounce if they go on; with `film` what the
-/// camera sees of it. None where something hides the edge. Returns the number of rays.
+/// Stores the difference of the light on both sides of edge points in `work.side_lights`. Paths begin there at a
+/// bounce, if one is given. With `film`, the difference includes what the camera sees directly. It is `None` where an
+/// occluder hides the edge. Returns the number of rays.
 pub(super) fn light_beside(
     tracer: &Tracer,
     approaches: &[Approach],
@@ -67,7 +69,7 @@ pub(super) fn light_beside(
     let all = walks.list.as_chunks::<WALKS>().0;
     for (light, [minus, plus, others @ ..]) in work.side_lights.iter_mut().zip(all) {
         let Some(light) = light else { continue };
-        // What is seen on the − side of the edge less that on the + side.
+        // The light on the − side of the edge minus the light on the + side.
         *light = minus.light;
         light.add(&plus.light, -1.0);
         if others[0].seen != NOTHING {
@@ -79,7 +81,7 @@ pub(super) fn light_beside(
     approaches.len() as f64 + (work.counts.rays - before) as f64
 }
 
-/// Begins paths on both sides of edges that nothing hides.
+/// Begins paths on both sides of edges that no occluder hides.
 #[apply(stage!)]
 fn begin_beside<'a>(
     tracer: &'a Tracer<'a>,
@@ -107,7 +109,7 @@ fn begin_beside<'a>(
             && is_crease(lists, &approach.sides)
         {
             let evenly = minus.shading.scatters_evenly() && plus.shading.scatters_evenly();
-            // Paths on both sides of a crease go the same ways.
+            // Paths on both sides of a crease take the same directions.
             let pair = Pair {
                 first: minus.shading.normal,
                 second: plus.shading.normal,
@@ -141,7 +143,7 @@ fn begin_beside<'a>(
     }
 }
 
-/// The surface point on a side of an edge's point; None where the environment is seen.
+/// Returns the surface point on one side of an edge point, or `None` if the environment is seen there.
 #[inline(always)]
 fn point_beside(
     tracer: &Tracer,

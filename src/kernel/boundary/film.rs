@@ -1,8 +1,8 @@
 //! Jumps of the image that the camera sees.
 //!
-//! Edges are drawn on the film: where they are seen, in proportion to their length there, to how much may
-//! jump at them and to how much the loss depends on the pixels about. So no sample is spent where nothing
-//! is asked, and the noise does not depend on how wide the camera's cone is.
+//! Edges are drawn on the film in proportion to their visible length there, to the bound of their jump, and to how much
+//! the loss depends on the pixels around them. So no sample falls where the loss does not depend on the pixels, and the
+//! noise does not depend on the width of the camera's cone.
 
 use std::ops::Range;
 
@@ -21,15 +21,15 @@ use crate::trace::{
     Approach, Exposure, FilmPoint, NO_PIXEL, ON_FILM, Sums, exposure, film_point, sampler,
 };
 
-/// What samples of edges on the film are drawn from.
+/// The data from which samples of edges on the film are drawn.
 struct FilmSamples<'a> {
     edges: &'a FilmEdges,
     pixels: &'a PixelGradients,
     count: u32,
 }
 
-/// Points of edges on the film, how much the loss depends on the pixels that see them, and the paths and rays that come
-/// there.
+/// Points of edges on the film, the derivatives of the loss with respect to the pixels that see them, and the paths and
+/// rays that reach them.
 #[derive(Default)]
 struct Asked<'a> {
     points: Vec<(FilmPoint, &'a Seen)>,
@@ -39,7 +39,7 @@ struct Asked<'a> {
 }
 
 impl FilmSamples<'_> {
-    /// The point of an edge that a sample draws, where the loss depends on it.
+    /// Returns the point of an edge that a sample draws, if the loss depends on it.
     #[inline(always)]
     fn sample(
         &self,
@@ -61,7 +61,7 @@ impl FilmSamples<'_> {
     }
 }
 
-/// Draws points of edges by some samples.
+/// Draws points of edges for a range of samples.
 #[apply(stage!)]
 fn draw<'a>(view: &'a Tracer<'a>, film: &'a FilmSamples<'a>, samples: Range<u32>) -> Asked<'a> {
     let mut asked = Asked::default();
@@ -86,7 +86,8 @@ fn draw<'a>(view: &'a Tracer<'a>, film: &'a FilmSamples<'a>, samples: Range<u32>
     asked
 }
 
-/// Adds the derivatives by jumps at points of edges on the film. Returns the sum of the squares of those by these points.
+/// Adds the derivatives from jumps at points of edges on the film. Returns the sum of the squared derivatives with
+/// respect to these points.
 #[apply(stage!)]
 fn backward<'a>(
     view: &'a Tracer<'a>,
@@ -110,7 +111,7 @@ fn backward<'a>(
 }
 
 impl View {
-    /// Adds the derivatives by jumps on the film: samples `range` of `count`.
+    /// Adds the derivatives from jumps on the film, for the samples `range` of `count`.
     pub fn film_backward(
         &self,
         edges: &FilmEdges,

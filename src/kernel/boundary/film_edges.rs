@@ -1,4 +1,4 @@
-//! The choice of a point of an edge on the film.
+//! The choice of an edge, and of a point on it, on the film.
 
 use super::pieces::{Piece, PixelGradients};
 use crate::kernel::view::View;
@@ -8,14 +8,14 @@ use crate::model::segment::OnSegment;
 /// Pieces of edges on the film of a view.
 pub(crate) struct FilmEdges {
     pieces: Vec<Piece>,
-    /// Sums of their weights up to each, within blocks, so that their differences are not lost by rounding.
+    /// Prefix sums of the weights within each block. Sums over all pieces would lose small weights by rounding.
     sums: Vec<f32>,
-    /// Sums up to each block.
+    /// Prefix sums of the weights of blocks.
     blocks: Vec<f32>,
 }
 
 impl FilmEdges {
-    /// The pieces of edges that jump on the film where the loss depends on it.
+    /// Collects the pieces of edges that jump on the film where the loss depends on it.
     pub fn new(view: &View, pixels: &PixelGradients) -> Self {
         let pieces = view.film_pieces(|[x, y]| pixels.near(x, y));
         let mut sums = Vec::with_capacity(pieces.len());
@@ -41,7 +41,7 @@ impl FilmEdges {
         self.pieces.is_empty()
     }
 
-    /// Draws an edge and a point of it for two uniform numbers.
+    /// Draws an edge and a point of it from two uniform numbers.
     #[inline(always)]
     pub(super) fn choose(&self, u: f32, v: f32) -> Option<(u32, OnSegment)> {
         let count = self.pieces.len() as u32;

@@ -20,7 +20,7 @@ use crate::trace::{
     looks_for_edges, reflected_backward, sampler, search, shadow_backward,
 };
 
-/// A jump at an edge that the point in a lane sees.
+/// A jump at an edge that the point of a lane sees.
 struct Found {
     lane: usize,
     observer: Observer,
@@ -43,7 +43,7 @@ impl Return<'_> {
         for path in self.paths {
             let (pixel, sample) = (path.numbers.pixel, path.numbers.sample);
             edges.push(match edges.last() {
-                // Samples of a pixel lie side by side.
+                // Samples of a pixel are contiguous.
                 Some(last) if last.pixel == pixel && last.sample < sample => {
                     last.after(sample - last.sample)
                 }
@@ -52,7 +52,7 @@ impl Return<'_> {
         }
     }
 
-    /// Adds the derivatives by jumps at edges seen from points of paths.
+    /// Adds the derivatives from jumps at edges that points of paths see.
     pub(in crate::kernel) fn edges_backward(
         &self,
         level: &Level,
@@ -88,7 +88,7 @@ impl Return<'_> {
     }
 }
 
-/// Draws edges that points of paths see, and finds the jumps there of reflected light and of the light of emitters.
+/// Draws edges that points of paths see, and computes their jumps of reflected light and of the light of emitters.
 #[apply(stage!)]
 fn find_jumps<'a>(
     to: &'a Return<'a>,
@@ -157,7 +157,7 @@ fn find_jumps<'a>(
     found
 }
 
-/// Adds the jumps at an edge that is drawn for a point.
+/// Draws an edge for a point and adds the jumps at it.
 #[inline(always)]
 fn find_jump(
     to: &Return,
@@ -214,7 +214,7 @@ fn seen_edge(
     (p.per_density > 0.0).then(|| (s, edge_view(lists, o, &s, p)))
 }
 
-/// Draws an edge of a tree.
+/// Draws an edge from a tree.
 #[apply(stage!)]
 fn draw<'a>(
     to: &'a Return<'a>,
@@ -222,13 +222,13 @@ fn draw<'a>(
     query: &'a Query,
     random: Uniform,
 ) -> DrawnEdge {
-    // Copies, so that compilers see that nothing writes them while edges are weighed, eight at once.
+    // With copies, compilers see that nothing writes to them while the weights of eight edges are computed at once.
     let (tree, query) = (*tree, *query);
     draw_edge(&tree, &mut [0; ROOM], &query, random)
 }
 
-/// Adds the derivatives by jumps of the light of emitters, where nothing else hides it. Returns the sum of the squares of
-/// those by points of edges.
+/// Adds the derivatives from jumps of the light of emitters, where no other occluder blocks it. Returns the sum of the
+/// squared derivatives with respect to points of edges.
 #[apply(stage!)]
 fn shadows_backward<'a>(
     to: &'a Return<'a>,
@@ -248,8 +248,8 @@ fn shadows_backward<'a>(
     squares
 }
 
-/// Adds the derivatives by jumps of light that surfaces reflect, and of the environment. Returns the sum of the squares of
-/// those by points of edges.
+/// Adds the derivatives from jumps of light that surfaces reflect, and of the environment. Returns the sum of the
+/// squared derivatives with respect to points of edges.
 #[apply(stage!)]
 fn reflections_backward<'a>(
     to: &'a Return<'a>,

@@ -1,9 +1,9 @@
-//! The contribution of jumps at edges to a gradient.
+//! The boundary term of a gradient: the contribution of jumps at edges.
 //!
-//! Where a path looks at light, an edge that lies in between makes the integrand jump, and where the edge
-//! moves, the integral changes by the jump. So at points of a path an edge is drawn that can be seen from
-//! there and a point of it (`jumps`), and the light that arrives beside it on either side is found (`beside`): that of
-//! emitters, of delta lights, of surfaces and of the environment. Edges that the camera sees are drawn on the film (`film`).
+//! An edge between a point and the light that the point sees makes the integrand jump. If the edge moves, the integral
+//! changes by the jump. So each point of a path draws an edge that it can see, and a point of this edge (`jumps`). Then
+//! the light on both sides of the edge is computed (`beside`): the light of emitters, delta lights, surfaces and the
+//! environment. Edges that the camera sees are drawn on the film (`film`).
 
 mod beside;
 mod film;

@@ -1,4 +1,4 @@
-//! Pieces of edges on the film, weighed by how much may jump and how much the loss depends on it.
+//! Pieces of edges on the film, weighted by the bound of their jump and by how much the loss depends on them.
 
 use std::collections::HashMap;
 
@@ -11,38 +11,38 @@ use crate::model::film::{CELL, NEIGHBOURS};
 use crate::model::integers::morton;
 use crate::model::segment::clip_linear;
 
-/// Edges are drawn in pieces of about so many pixels.
+/// The approximate length of a piece, in pixels.
 const PIECE: f32 = 8.0;
 
-/// A piece of an edge, from one λ to another.
+/// A piece of an edge, between two values of λ.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Piece {
     pub edge: u32,
     pub from: f32,
     pub to: f32,
-    /// How much may jump at it, in pixels.
+    /// The bound of its jump times its length in pixels.
     pub weight: f32,
-    /// Its middle on the film, in pixels, and its place there along a Z-order curve.
+    /// Its middle on the film in pixels, and the place of the middle along a Z-order curve.
     middle: [f32; 2],
     place: u64,
 }
 
-/// The place of a point of the film along a Z-order curve, in quarters of pixels.
+/// Returns the place of a film point along a Z-order curve, in quarters of pixels.
 fn place(x: f32, y: f32, last: bool) -> u64 {
-    // Film coordinates from −2¹⁷ on.
+    // Film coordinates start at −2¹⁷.
     let [x, y] = [x, y].map(|v| (4.0 * v + 524_288.0).clamp(0.0, 1_048_575.0) as u32);
     u64::from(morton(x, y)) | (u64::from(last) << 63)
 }
 
 impl View {
-    /// The pieces of edges that jump on the film, each with a weight times that of its middle, if it has any.
-    /// Neighbours on the film follow each other, creases after silhouettes: numbers that are spread evenly over pieces
-    /// are so over the film.
+    /// Returns the pieces of edges that jump on the film. The weight of each is multiplied by `near` of its middle, and
+    /// pieces of weight 0 are left out. Neighbors on the film are adjacent in the list, and creases come after
+    /// silhouettes. So numbers that are spread evenly over pieces are spread evenly over the film.
     pub fn film_pieces(&self, near: impl Fn([f32; 2]) -> f32 + Sync) -> Vec<Piece> {
         let Some(sets) = &self.edge_sets else {
             return Vec::new();
         };
-        // A camera that moves sees all edges move.
+        // If the camera moves, all edges move relative to it.
         let seen = |e: &Edge| self.wanted.of.camera || e.moves(&self.scene, &self.wanted);
         let of_edge = |mut found: Vec<Piece>, index: usize| {
             let e = sets.edges.get(index);
@@ -63,8 +63,9 @@ impl View {
         pieces
     }
 
-    /// The most that may jump at an edge, seen from the camera; `slack` is the distance of rays' starts from
-    /// its middle and that by which the edge moves, which may turn faces.
+    /// Returns an upper bound of the jump at an edge that the camera sees. `slack` is the largest distance of a ray's
+    /// start from the camera's middle, plus the distance by which the edge moves. Within it, a face may be seen from
+    /// either side.
     fn film_jump(&self, e: &Edge, slack: f32) -> f32 {
         if e.kind != Kind::Fold {
             return 1.0;
@@ -93,7 +94,7 @@ impl View {
         let c = &self.camera;
         let velocity = self.scene.shift(e.faces[0], 1.0);
         let moved = velocity.length();
-        // Parallel rays meet a face from one side wherever it moves.
+        // Parallel rays see a face from the same side wherever it moves.
         let slack = if c.parallel { 0.0 } else { c.aperture + moved };
         let jump = self.film_jump(e, slack);
         if jump == 0.0 {
@@ -107,8 +108,8 @@ impl View {
         if from >= to {
             return;
         }
-        // What a lens and a shutter move points by grows as they come near: in parts that are each of about
-        // one depth.
+        // Lens and shutter displace near points more than far ones. So the edge is divided into parts of about one
+        // depth each.
         let depth = |l: f32| a[2] + (b[2] - a[2]) * l;
         let ratio = depth(to) / depth(from);
         let parts = if (c.aperture > 0.0 || moved > 0.0) && !e.apart && !c.parallel {
@@ -131,8 +132,8 @@ impl View {
         }
     }
 
-    /// Cuts off what can't be seen of a part of an edge, whose ends are in the camera's frame; returns the part that
-    /// can be seen, and its ends on the film, with their depths and the probability that a point there is seen.
+    /// Clips a part of an edge, whose ends are in the camera's frame, to the film. Returns the visible part, and for
+    /// each of its ends the film coordinates, the depth, and the probability that a point there is seen.
     fn on_film(
         &self,
         mut part: [f32; 2],
@@ -141,9 +142,9 @@ impl View {
     ) -> Option<([f32; 2], [[f32; 4]; 2])> {
         let c = &self.camera;
         let at = |l: f32| -> [f32; 3] { std::array::from_fn(|k| a[k] + (b[k] - a[k]) * l) };
-        // Coordinates are divided by this; by depth in a perspective.
+        // The divisor of coordinates: the depth in a perspective.
         let divisor = |p: [f32; 3]| if c.parallel { 1.0 } else { p[2] };
-        // The film with the reach of its filter, and what a lens and a shutter move points by.
+        // The film is enlarged by the reach of its filter, and by the displacement through lens and shutter.
         let stretch = c.dual.x.length().max(c.dual.y.length());
         let margin = |p: [f32; 3]| {
             let lens = c.aperture * stretch * (1.0 / p[2] - c.per_focus).abs();
@@ -180,7 +181,8 @@ impl View {
     }
 }
 
-/// A part of an edge in pieces of equal lengths on the film; the whole edge in one, if its line moves.
+/// Divides a part of an edge into pieces of equal length on the film. If the edge's line moves, the whole edge is one
+/// piece.
 fn push_pieces(
     edge: u32,
     part: Option<[f32; 2]>,
@@ -212,18 +214,18 @@ fn push_pieces(
     }
 }
 
-/// Derivatives by the pixels of an image, each the mean of its samples.
+/// Derivatives of the loss with respect to the pixels of an image, each of which is the mean of its samples.
 pub(crate) struct PixelGradients {
-    /// One for every pixel, or for those that `which` names.
+    /// The derivatives of all pixels, or of those in `which`.
     values: Vec<Seen>,
     which: Option<HashMap<u32, u32>>,
     width: u32,
     height: u32,
-    /// The sum of how much the loss depends on the pixels of a cell and its neighbours.
+    /// For each cell, a weighted sum of how much the loss depends on the pixels of the cell and of its neighbors.
     cells: Vec<f32>,
 }
 
-/// The cell about a point of a film of so many pixels, row by row.
+/// Returns the index of the cell around a film point. Cells are numbered row by row.
 fn cell_of([x, y]: [f32; 2], width: u32, height: u32) -> u32 {
     let x = x.clamp(0.0, width as f32 - 1.0) as u32 / CELL;
     let y = y.clamp(0.0, height as f32 - 1.0) as u32 / CELL;
@@ -231,7 +233,7 @@ fn cell_of([x, y]: [f32; 2], width: u32, height: u32) -> u32 {
 }
 
 impl Piece {
-    /// The cell of a film that its middle lies in.
+    /// Returns the index of the cell in which its middle lies.
     #[cfg(feature = "wgpu")]
     pub fn cell(&self, width: u32, height: u32) -> u32 {
         cell_of(self.middle, width, height)
@@ -239,7 +241,7 @@ impl Piece {
 }
 
 impl PixelGradients {
-    /// Takes the derivatives by pixels of a view.
+    /// Takes the derivatives with respect to the pixels of a view.
     pub fn new(list: &[(u32, Seen)], view: &View) -> Self {
         let (width, height) = (view.settings.width, view.settings.height);
         let all = list.len() == (width * height) as usize
@@ -250,12 +252,12 @@ impl PixelGradients {
         for (pixel, g) in list {
             let (x, y) = (pixel % width, pixel / width);
             let size = g.size();
-            // One whose derivative is not finite does not count.
+            // Pixels whose derivative is not finite are left out.
             if size.is_finite() {
                 own[(y / CELL) as usize * columns + (x / CELL) as usize] += size;
             }
         }
-        // The cells of pixels that see a point of a cell.
+        // The number of cells in each direction whose pixels may see a point of a cell.
         let around = 1 + (view.filter.radius() / CELL as f32).ceil() as usize;
         let spread = |from: &[f32], along: usize, across: usize, step: usize, stride: usize| {
             let mut to = vec![0.0; from.len()];
@@ -270,7 +272,7 @@ impl PixelGradients {
         };
         let cells = spread(&own, columns, rows, 1, columns);
         let cells = spread(&cells, rows, columns, columns, 1);
-        // Its own counts most.
+        // The cell itself counts most.
         let cells = cells
             .iter()
             .zip(&own)
@@ -288,7 +290,7 @@ impl PixelGradients {
         }
     }
 
-    /// The derivatives by the pixel that a point of the film lies in.
+    /// Returns the derivatives with respect to the pixel in which a film point lies.
     pub(super) fn get(&self, x: f32, y: f32) -> Option<&Seen> {
         if !(x >= 0.0 && y >= 0.0 && x < self.width as f32 && y < self.height as f32) {
             return None;
@@ -301,7 +303,7 @@ impl PixelGradients {
         Some(&self.values[i as usize])
     }
 
-    /// The sum of how much the loss depends on the pixels about a point.
+    /// Returns how much the loss depends on the pixels around a point.
     pub(super) fn near(&self, x: f32, y: f32) -> f32 {
         self.cells[cell_of([x, y], self.width, self.height) as usize]
     }

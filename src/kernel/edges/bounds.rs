@@ -1,4 +1,4 @@
-//! Bounds of edges: a sphere, a cone of normals, and what jumps.
+//! Bounds of edges: a sphere, a cone of normals, and sums of jumps.
 
 use super::Edges;
 use crate::kernel::scene::KernelScene;
@@ -6,7 +6,7 @@ use crate::model::edge_weight::{Jumps, SeenEdge, Subtree};
 use crate::model::{V3, v3};
 use crate::trace::NONE;
 
-/// Edges with the triangles that they belong to.
+/// Edges, with the scene that contains their triangles.
 pub(super) struct EdgeList<'a> {
     pub edges: &'a Edges,
     pub scene: &'a KernelScene,
@@ -18,10 +18,10 @@ impl EdgeList<'_> {
         a + along * 0.5
     }
 
-    /// An edge as it is seen from the origin at the start of the shutter, and its way over the shutter.
+    /// Returns an edge as seen from the origin at the start of the shutter, and its displacement over the shutter.
     pub fn seen(&self, index: u32) -> (SeenEdge, V3) {
         let e = &self.edges.get(index as usize);
-        // Twice that of the only face of an edge that has one.
+        // An edge with one face has the normal of that face twice.
         let [first, second, ..] = e.faces;
         let second = if second == NONE { first } else { second };
         let [front, back] = [first, second].map(|k| self.scene.triangle(k).normal);
@@ -42,14 +42,14 @@ impl EdgeList<'_> {
 pub(super) struct Bounds {
     low: V3,
     high: V3,
-    /// A cone of the normals of folds: their sum, and the greatest angle to it.
+    /// A cone of the normals of folds: their sum, and the largest angle to it.
     normals: V3,
     angle: f32,
-    /// Jumps times lengths; where a fold is a silhouette, times the angle of the fold.
+    /// Sums of jump × length; for the silhouettes of folds also × the angle of the fold.
     jumps: Jumps,
 }
 
-/// The direction of a sum of normals.
+/// Returns the direction of a sum of normals.
 fn direction(sum: V3) -> V3 {
     if sum.length() > 0.0 {
         sum.normalize()
@@ -58,14 +58,14 @@ fn direction(sum: V3) -> V3 {
     }
 }
 
-/// The angle between unit vectors that are so far apart, radians.
+/// Returns the angle in radians between unit vectors whose ends have the distance `apart`.
 fn angle(apart: f32) -> f32 {
-    // By their distance, so that small angles keep their digits.
+    // The distance keeps the digits of small angles.
     2.0 * (0.5 * apart).min(1.0).asin()
 }
 
 impl Bounds {
-    /// Of edges with their ways over the shutter.
+    /// Returns the bounds of edges that move by the given displacements over the shutter.
     pub fn new(edges: &[(SeenEdge, V3)]) -> Self {
         let mut this = Self {
             low: V3::ONE * f32::MAX,
@@ -101,7 +101,7 @@ impl Bounds {
     }
 
     pub fn subtree(&self) -> Subtree {
-        // With a margin for rounding.
+        // The margin is for rounding.
         let cos = self.angle.min(std::f32::consts::PI).cos() - 1e-5;
         Subtree {
             centre: (self.low + self.high) * 0.5,
@@ -113,7 +113,7 @@ impl Bounds {
         }
     }
 
-    /// Of all, at least one.
+    /// Joins bounds, of which there must be at least one.
     pub fn joined(parts: &[Self]) -> Self {
         let mut all = parts[0];
         for part in &parts[1..] {

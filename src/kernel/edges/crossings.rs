@@ -1,4 +1,4 @@
-//! Lines in which triangles pass through each other: colours jump there, though no mesh has an edge.
+//! Lines in which triangles pass through each other. Colors jump there, although no mesh has an edge.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -11,17 +11,17 @@ use crate::model::edge::TOUCHING;
 use crate::model::triangle::Triangle;
 use crate::trace::NONE;
 
-/// Times in the shutter at which moving objects are looked at.
+/// The shutter times at which moving objects are tested.
 const TIMES: [f32; 5] = [0.5, 0.0, 1.0, 0.25, 0.75];
 
-/// The corners of a triangle at a time.
+/// Returns the corners of a triangle at a shutter time.
 fn corners(scene: &KernelScene, k: u32, time: f32) -> [DVec3; 3] {
     let shift = scene.shift(k, time);
     let corners = scene.triangle(k).corners();
     corners.map(|c| (c + shift).into())
 }
 
-/// The segment in which two triangles pass through each other at a time, if they do so by more than
+/// Returns the segment in which two triangles pass through each other at a shutter time, if they do so by more than
 /// rounding.
 fn segment(scene: &KernelScene, k: u32, l: u32, time: f32) -> Option<[V3; 2]> {
     let (p, q) = (corners(scene, k, time), corners(scene, l, time));
@@ -34,7 +34,7 @@ fn segment(scene: &KernelScene, k: u32, l: u32, time: f32) -> Option<[V3; 2]> {
         .fold(0.1, f64::max);
     let tolerance = f64::from(TOUCHING) * size;
     let along = n.cross(m);
-    // Along the line: where the second triangle passes the plane of the first, and the other way round.
+    // The ends, along the line, of the part in which one triangle passes the plane of the other.
     let passes = |c: &[DVec3; 3], n: DVec3, on: DVec3| -> Option<[(f64, DVec3); 2]> {
         let d = c.map(|v| n.dot(v - on));
         let (low, high) = (d[0].min(d[1]).min(d[2]), d[0].max(d[1]).max(d[2]));
@@ -59,12 +59,12 @@ fn segment(scene: &KernelScene, k: u32, l: u32, time: f32) -> Option<[V3; 2]> {
     (from.0 < to.0 && a.distance(b) > tolerance).then(|| [a.into(), b.into()])
 }
 
-/// Leaves of the hierarchy that share a number of looks at leaves and pairs, so that the time is linear in the triangles
-/// however many are in one place.
+/// The number of consecutive leaves of the hierarchy that share a budget, and the budget of tests of leaves and pairs.
+/// So the time is linear in the number of triangles, however many are in one place.
 const LEAVES: usize = 128;
 const LOOKS: usize = 1 << 18;
 
-/// The crossings of all triangles that have area and share no corner.
+/// Returns the crossings of all triangles that have area and share no corner.
 pub(super) fn find(scene: &KernelScene) -> Vec<Edge> {
     let times: &[f32] = if scene.velocities.is_some() {
         &TIMES
@@ -99,7 +99,7 @@ pub(super) fn find(scene: &KernelScene) -> Vec<Edge> {
     found.into_iter().flat_map(|f| f.0).collect()
 }
 
-/// Whether two triangles might pass through each other, told by corners and planes.
+/// Returns whether two triangles may pass through each other, judged by corners and planes.
 fn may_cross(scene: &KernelScene, k: u32, l: u32) -> bool {
     let (t, s) = (scene.triangle(k), scene.triangle(l));
     if s.area <= 0.0 || t.area <= 0.0 || t.corners().iter().any(|c| s.corners().contains(c)) {
@@ -116,7 +116,7 @@ fn may_cross(scene: &KernelScene, k: u32, l: u32) -> bool {
 }
 
 fn crossing(scene: &KernelScene, k: u32, l: u32, [a, b]: [V3; 2], time: f32) -> Edge {
-    // At the start of the shutter, as if both moved like the first.
+    // At the start of the shutter, as if both triangles moved like the first.
     let shift = scene.shift(k, time);
     Edge {
         a: a - shift,

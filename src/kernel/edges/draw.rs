@@ -1,4 +1,4 @@
-//! The choice of an edge from a tree, in proportion to an estimate of what it contributes.
+//! Draws an edge from a tree, in proportion to an estimate of its contribution.
 
 #![allow(
     clippy::implicit_saturating_sub,
@@ -13,18 +13,18 @@ use crate::model::V3;
 use crate::model::choice::{Uniform, is_positive};
 use crate::model::edge_weight::{Jumps, Query, SeenEdge, Subtree};
 
-/// A tree over edges, the part of it under a node, or a list of leaves.
+/// A tree over edges, the part of a tree below a node, or a list of leaves.
 #[cfg_attr(feature = "wgpu", derive(CubeType))]
 #[derive(Clone, Copy)]
 pub(crate) struct Root<'a> {
-    /// Blocks of the bounds of eight branches, [`NODE`] numbers each, and the child of each: twice the index of a
-    /// node, or of a leaf plus one. Branches that are not there have no weight.
+    /// Blocks of the bounds of eight branches, with [`NODE`] numbers each, and (in `children`) the child of each
+    /// branch: 2 × the index of a node, or 2 × the index of a leaf + 1. Missing branches have no weight.
     pub nodes: &'a [f32],
     pub children: &'a [u32],
-    /// Blocks of eight edges, [`LEAF`] numbers each, and which edges they are.
+    /// Blocks of eight edges, with [`LEAF`] numbers each, and (in `edges`) the indices of these edges.
     pub leaves: &'a [f32],
     pub edges: &'a [u32],
-    /// The child that a draw starts at, and how many it starts at, which follow each other if they are leaves.
+    /// The child at which a draw starts, and the number of such children. If they are leaves, they are consecutive.
     pub start: u32,
     pub count: u32,
     /// Whether there may be nodes.
@@ -35,33 +35,35 @@ pub(crate) struct Root<'a> {
     pub moves: bool,
 }
 
-/// An edge that was drawn, and 1 over its probability.
+/// A drawn edge, and 1 over its probability.
 #[apply(record!)]
 pub(crate) struct DrawnEdge {
-    /// [`NO_EDGE`] where none contributes.
+    /// [`NO_EDGE`] if no edge contributes.
     pub edge: u32,
     pub per_chance: f32,
 }
 
 pub(crate) const NO_EDGE: u32 = u32::MAX;
 
-/// Numbers of a branch of a node: centre, radius, axis, cosine, sine, jumps.
+/// The numbers of a branch of a node: center, radius, axis, cosine, sine, jumps.
 pub(super) const NODE: usize = 14;
-/// Of an edge of a leaf: middle, half the length, vector along, both normals, jumps, velocity.
+/// The numbers of an edge of a leaf: middle, half the length, vector along, both normals, jumps, velocity.
 pub(crate) const LEAF: usize = 21;
 const JUMPS_OF_NODE: usize = 9;
 const JUMPS_OF_LEAF: usize = 13;
 const VELOCITY: usize = 18;
 
-/// Nodes whose children are all entered, at most, and subtrees that are: those seen under a larger angle (its sine).
+/// The largest number of nodes of which several children may be entered, and the sine of the viewing angle above which
+/// a subtree is entered.
 const BUDGET: u32 = 64;
 const LARGE: f32 = 0.25;
-/// The same for the light of emitters, which fill a narrow cone, in which few edges lie: they are looked at closely.
+/// The same for the light of emitters. It fills a narrow cone that contains few edges, so they are examined more
+/// closely.
 const BUDGET_OF_LIGHT: u32 = 1024;
 const LARGE_OF_LIGHT: f32 = 0.06;
 
-/// Room that a draw needs, in words: eight weights, whether those are entered, the weights of the leaf that is kept, and
-/// nodes that are to be entered with 1 over their probabilities.
+/// The memory of a draw, in words: eight weights, whether to enter each of these branches, the weights of the kept
+/// leaf, and the stack of nodes to be entered, each with 1 over its probability.
 pub(crate) const ROOM: usize = STACK + 2 * ENTERED as usize;
 const ENTERS: usize = 8;
 const KEPT: usize = 16;
@@ -131,7 +133,7 @@ fn seen_edge(tree: &Root, block: &[f32], branch: usize, q: &Query) -> SeenEdge {
     }
 }
 
-/// Puts a vector at a lane of a block that begins at a place of a list, from one of its numbers on.
+/// Stores a vector in a lane of a block, from number `k` on.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn put(list: &mut [f32], lane: usize, k: usize, v: V3) {
@@ -140,8 +142,8 @@ fn put(list: &mut [f32], lane: usize, k: usize, v: V3) {
     list[lane + LANES * (k + 2)] = v.z;
 }
 
-/// Puts an edge, as it is seen from the origin at the start of the shutter, and its way over the shutter into a lane of a
-/// block of a leaf, whose first number is at a place of a list.
+/// Stores an edge in a lane of a leaf's block: as seen from the origin at the start of the shutter, with its
+/// displacement over the shutter.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn put_edge(list: &mut [f32], lane: usize, e: &SeenEdge, velocity: V3) {
@@ -159,7 +161,7 @@ pub(crate) fn put_edge(list: &mut [f32], lane: usize, e: &SeenEdge, velocity: V3
     put(list, lane, VELOCITY, velocity);
 }
 
-/// The weights of the branches of a node, and whether they are to be entered.
+/// Computes the weights of the branches of a node, and whether each is to be entered.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn weigh_node(tree: &Root, node: usize, q: &Query, large: f32, room: &mut [u32]) {
@@ -173,7 +175,8 @@ fn weigh_node(tree: &Root, node: usize, q: &Query, large: f32, room: &mut [u32])
     }
 }
 
-/// The weights of the edges of a leaf, and their sum. Where none jumps, as in most leaves, there is no more to look at.
+/// Computes the weights of the edges of a leaf and returns their sum. In most leaves nothing jumps, and the rest is
+/// skipped.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn weigh_leaf(tree: &Root, leaf: usize, q: &Query, room: &mut [u32]) -> f32 {
@@ -202,7 +205,7 @@ fn weigh_leaf(tree: &Root, leaf: usize, q: &Query, room: &mut [u32]) -> f32 {
     sum
 }
 
-/// Puts a child on the stack, which is come to with a probability, given by its inverse.
+/// Pushes a child on the stack, with the inverse of the probability of reaching it.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn push(room: &mut [u32], length: u32, child: u32, inverse: f32) {
@@ -213,9 +216,9 @@ fn push(room: &mut [u32], length: u32, child: u32, inverse: f32) {
 
 /// Draws an edge in proportion to its weight.
 ///
-/// Subtrees that are near or lie in the cone in part are entered, all of them; of those that are far and lie in it
-/// whole one is taken at random. Of all leaves that it comes to one stays (weighted reservoir sampling), so that no list
-/// is kept.
+/// All subtrees that are near, or only partly in the cone, are entered, within a budget. Of the other subtrees of a
+/// node, one is drawn. Of all leaves that are reached, one is kept (weighted reservoir sampling), so that no list is
+/// stored.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 pub(crate) fn draw_edge(tree: &Root, room: &mut [u32], q: &Query, u: Uniform) -> DrawnEdge {
@@ -297,7 +300,7 @@ pub(crate) fn draw_edge(tree: &Root, room: &mut [u32], q: &Query, u: Uniform) ->
     edge_of_leaf(tree, &room[KEPT..STACK], kept, total, random.number)
 }
 
-/// An edge of the leaf that stays, in proportion to its weight.
+/// Returns an edge of the kept leaf, drawn in proportion to its weight.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
 fn edge_of_leaf(tree: &Root, weights: &[u32], leaf: usize, total: f32, u: f32) -> DrawnEdge {

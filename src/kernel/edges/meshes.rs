@@ -1,4 +1,4 @@
-//! The edges of meshes at which something may jump: silhouettes, borders, creases, seams.
+//! The edges of meshes at which something may jump: silhouettes, borders, creases and seams.
 
 use std::sync::Arc;
 
@@ -12,37 +12,39 @@ use crate::model::triangle::{self, AREA};
 use crate::scene::HostObject;
 use crate::trace::{NONE, NORMAL_ROWS, UV_ROWS};
 
-/// Jumps of colour at a crease are about this share of the difference of its normals.
+/// The jump of colors at a crease, divided by the difference of its normals (approximate).
 const CREASE: f32 = 0.5;
-/// The same of geometric normals under one shading normal.
+/// The same for the difference of geometric normals under one shading normal.
 const SMOOTH: f32 = 0.25;
-/// Normals that differ by less are the same.
+/// Normals that differ by less count as equal.
 const FLAT: f32 = 1e-5;
 
-/// What an edge is whose faces are not two that lie side by side.
+/// The kind and the bound of the jump of all edges that are not folds.
 const BORDER: (Kind, f32) = (Kind::Border, 1.0);
 
-/// A triangle, and its corners where an edge begins and ends.
+/// A triangle, and the indices of its corners where an edge begins and ends.
 type Ends = (usize, usize, usize);
 
-/// The faces at each edge of a mesh, which stay while its faces and the places of its vertices do.
+/// The faces at each edge of a mesh. They stay valid while its faces, and which of its vertices coincide, do not
+/// change.
 #[derive(Default)]
 pub(super) struct MeshEdges {
-    /// The first of its triangles.
+    /// The index of its first triangle in the scene.
     first: usize,
     faces: Arc<Vec<[u32; 3]>>,
     weld: Weld,
-    /// Faces without area, which have no edges.
+    /// Faces without area. They have no edges.
     empty: Vec<u32>,
-    /// Up to [`FACES`] faces of each edge: 4 × a face and the corner of it where the edge begins, [`NONE`] where there are
-    /// no more.
+    /// Up to [`FACES`] faces of each edge, each as 4 × the face plus the index of its corner where the edge begins.
+    /// Unused places are [`NONE`].
     groups: Vec<[u32; FACES]>,
     /// Whether all edges have two faces.
     closed: bool,
 }
 
 impl MeshEdges {
-    /// Those of an object, found anew where they are not as they were.
+    /// Updates the edges for an object. They are computed again only if its faces, its coinciding vertices or its faces
+    /// without area changed.
     pub fn update(&mut self, scene: &KernelScene, object: usize, host: &HostObject) {
         let weld = Weld::new(&host.positions);
         self.first = scene.lists.objects[object].first_triangle;
@@ -67,8 +69,8 @@ impl MeshEdges {
         let (faces, weld) = (&self.faces, &self.weld);
         let mut valid = vec![true; faces.len()];
         self.empty.iter().for_each(|&f| valid[f as usize] = false);
-        // An edge's other end and its place, by the end that comes first: a face's i-th edge runs from its i-th corner
-        // to the next.
+        // Returns the places of an edge's two ends, the smaller first. A face's i-th edge runs from its i-th corner to
+        // the next.
         let ends = |f: usize, i: usize| {
             let [p, q] = [i, (i + 1) % 3].map(|i| weld.place(faces[f][i]));
             (valid[f] && p != q).then_some((p.min(q), p.max(q)))
@@ -105,19 +107,19 @@ impl MeshEdges {
                 closed &= group.len() == 2;
             }
         }
-        // What follows each other lies near to each other.
+        // Sorting by face places neighboring edges next to each other.
         groups.par_sort_unstable();
         self.closed = closed && !groups.is_empty();
         self.groups = groups;
     }
 
-    /// The triangle at a place of a group, and its corners where the edge begins and ends there.
+    /// Returns the triangle of a face in a group, and the indices of its corners where the edge begins and ends.
     fn ends(&self, at: u32) -> Ends {
         let i = (at % 4) as usize;
         (self.first + (at / 4) as usize, i, (i + 1) % 3)
     }
 
-    /// The faces of an edge that has two, and whether both run along it in one direction.
+    /// Returns the two faces of an edge that has exactly two, and whether both have the same direction along it.
     fn pair(&self, group: &[u32; FACES]) -> Option<([Ends; 2], bool)> {
         let [first, second, NONE, _] = *group else {
             return None;
@@ -135,7 +137,7 @@ impl MeshEdges {
         let mut triangles = self.first..self.first + self.faces.len();
         let transparent = |k: usize| scene.material(k as u32).kind.bsdf.refracts();
         let pierced = |k: usize| scene.holes.as_ref().is_some_and(|h| h.are_in(k));
-        // One sees into what is clear or has holes.
+        // The inside of transparent objects and of objects with holes is visible.
         let closed = self.closed && !triangles.any(|k| transparent(k) || pierced(k));
         let kinds = self.groups.par_iter().map(|group| self.kind(scene, group));
         let kinds: Vec<Option<(Kind, f32)>> = kinds.collect();
@@ -152,10 +154,11 @@ impl MeshEdges {
         });
     }
 
-    /// What an edge is, and how much colours may jump at it where both of its faces are seen; None if nothing can.
+    /// Returns the kind of an edge, and the bound of the jump of colors where both faces are visible. Returns `None` if
+    /// nothing can jump.
     fn kind(&self, scene: &KernelScene, group: &[u32; FACES]) -> Option<(Kind, f32)> {
         let Some(([(k, i, j), (k2, i2, j2)], false)) = self.pair(group) else {
-            // Faces of one direction can't be told apart by their sides.
+            // Faces of the same direction cannot be distinguished by their sides.
             return Some(BORDER);
         };
         let normals = [k, k2].map(|k| scene.triangle(k as u32).normal);
@@ -164,7 +167,7 @@ impl MeshEdges {
         (!flat || crease > 0.0).then_some((Kind::Fold, crease))
     }
 
-    /// An edge, but for its object and whether that is closed.
+    /// Returns an edge, without its object and the flag `closed`.
     fn edge(&self, scene: &KernelScene, group: &[u32; FACES], (kind, crease): (Kind, f32)) -> Edge {
         let rows = |(k, i, j): Ends| {
             let rows = scene.lists.vertex_rows[k];
@@ -193,8 +196,8 @@ impl MeshEdges {
     }
 }
 
-/// The most by which colours may jump where both faces are seen: two triangles with their normals, and the corners of
-/// each at the ends of the edge.
+/// Returns an upper bound of the jump of colors where both faces are visible, from two triangles, their normals, and
+/// the corners of each at the ends of the edge.
 fn crease(
     scene: &KernelScene,
     [k, k2]: [usize; 2],
@@ -215,7 +218,7 @@ fn crease(
         let square = |(p, q): (&f32, &f32)| (p - q) * (p - q);
         p.iter().zip(q).map(square).sum::<f32>().sqrt()
     };
-    // Geometric normals count where light comes from near the horizon.
+    // Geometric normals matter where light arrives near the horizon.
     let mut jump: f32 = SMOOTH * (geometric[0] - geometric[1]).length();
     for (c, c2) in ends.into_iter().zip(ends2) {
         let normal = |words: &[u32], c: usize, geometric: V3| match words[NORMAL_ROWS as usize + c]

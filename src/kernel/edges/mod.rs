@@ -1,7 +1,7 @@
-//! The edges at which visibility or colours jump, and the choice of one that is seen from a point.
+//! The edges at which visibility or colors jump, and the choice of one that a point sees.
 //!
-//! `meshes` finds those of meshes, `crossings` the lines in which triangles pass through each other; `tree` is built over
-//! them, and `draw` draws one from it.
+//! `meshes` collects the edges of meshes, and `crossings` the lines in which triangles pass through each other. `tree`
+//! is built over both, and `draw` draws an edge from it.
 
 mod bounds;
 mod crossings;
@@ -28,31 +28,31 @@ pub(crate) use draw::{LEAF, put_edge};
 use meshes::MeshEdges;
 use tree::{Division, EdgeTree};
 
-/// Faces of an edge, at most; if there are more, the others count as what lies behind.
+/// The largest number of faces of an edge. Further faces count as surfaces behind the edge.
 pub(in crate::kernel) const FACES: usize = 4;
 
 /// An edge, in inner coordinates at the start of the shutter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Edge {
     pub a: V3,
-    /// The vector from a to b.
+    /// The vector from a to its other end b.
     pub along: V3,
-    /// Its triangles, `u32::MAX` where there are no more.
+    /// Its triangles; unused places are `u32::MAX`.
     pub faces: [u32; FACES],
-    /// Rows of the two ends in the vertices of its first and second face.
+    /// The rows of its two ends among the vertices, for its first and its second face.
     pub rows: [[u32; 2]; 2],
     pub object: u32,
     pub kind: Kind,
-    /// The most by which colours may jump at it where both faces are seen, up to 1.
+    /// An upper bound, at most 1, of the jump of colors where both faces are visible.
     pub crease: f32,
-    /// Whether all that is behind its faces is hidden by the object itself.
+    /// Whether the object itself hides everything behind the edge's faces.
     pub closed: bool,
-    /// Whether its faces move apart while the shutter is open: then the line of a crossing moves too.
+    /// Whether its faces move apart while the shutter is open. Then the line of a crossing moves, too.
     pub apart: bool,
 }
 
 impl Edge {
-    /// Whether it has derivatives.
+    /// Returns whether derivatives with respect to its position are required.
     pub fn moves(&self, scene: &KernelScene, wanted: &Wanted) -> bool {
         if self.kind == Kind::Crossing {
             return self.faces[..2]
@@ -62,7 +62,7 @@ impl Edge {
         wanted.objects[self.object as usize] != 0
     }
 
-    /// Its words in a list ([`EdgePoint`](crate::trace::EdgePoint)).
+    /// Returns its words in a list ([`EdgePoint`](crate::trace::EdgePoint)).
     fn words(&self) -> [u32; OF_EDGE] {
         let crossing = u32::from(self.kind == Kind::Crossing) + u32::from(self.apart);
         let [[a, b], [c, d]] = self.rows;
@@ -73,29 +73,30 @@ impl Edge {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// An edge between two faces of opposite direction: it jumps where one is seen from the front, one from
+    /// An edge between two faces of opposite direction. It jumps where one face is seen from the front and one from
     /// behind.
     Fold = FOLD as isize,
-    /// An edge of one face, or of more than two: it always jumps.
+    /// An edge of one face, of more than two, or of two faces of the same direction. It always jumps.
     Border = BORDER as isize,
-    /// A line in which two triangles pass through each other: colours jump, but not whether light passes.
+    /// A line in which two triangles pass through each other. Colors jump there, but not whether light passes.
     Crossing = CROSSING as isize,
 }
 
 /// A list of edges.
 #[derive(Default)]
 pub(super) struct Edges {
-    /// How many there are: there may be room for more.
+    /// The number of edges. The lists may have room for more.
     pub count: usize,
-    /// What stages read of them.
+    /// The numbers and words that stages read.
     flat: Vec<[[f32; 3]; 2]>,
     words: Vec<[u32; OF_EDGE]>,
-    /// What only trees and films ask for.
+    /// Values that only trees and films use: the kind, the bound of the jump of colors, and whether the object is
+    /// closed.
     kinds: Vec<(Kind, f32, bool)>,
 }
 
 impl Edges {
-    /// Adds so many edges.
+    /// Adds `count` edges.
     fn extend(&mut self, count: usize, edge: impl Fn(usize) -> Edge + Sync) {
         let first = self.count;
         self.count += count;
@@ -114,7 +115,7 @@ impl Edges {
         });
     }
 
-    /// Gives room to all edges, and to no more.
+    /// Fits the lists to the number of edges.
     fn resize(&mut self) {
         self.flat.resize(self.count, Default::default());
         self.words.resize(self.count, Default::default());
@@ -138,40 +139,40 @@ impl Edges {
         }
     }
 
-    /// What tells edges of meshes apart: the first face, and where an edge begins there.
+    /// Returns an identifier of an edge of a mesh: its first face, and the vertex row at which the edge begins.
     fn name(&self, i: u32) -> [u32; 2] {
         let words = &self.words[i as usize];
         [words[0], words[4]]
     }
 }
 
-/// Edges that something can jump at, and trees over them.
+/// The edges at which something can jump, and trees over them.
 pub(crate) struct EdgeSets {
     pub(super) edges: Edges,
     all: EdgeTree,
     moving: Moving,
 }
 
-/// Where the tree over the edges that move is.
+/// Where the tree over the moving edges is stored.
 enum Moving {
-    /// All move.
+    /// All edges move, so it is the tree over all.
     All,
-    /// One of its own.
+    /// A tree of its own.
     Own(EdgeTree),
-    /// In the tree over all, from node 1 on.
+    /// The part of the tree over all that begins at node 1.
     Part,
 }
 
-/// What the edges of the last render leave for the next, where they are the same or moved.
+/// Data of the last render's edges, which the next render reuses if the edges are the same or have only moved.
 #[derive(Clone, Default)]
 pub(crate) struct LastEdges(Arc<Mutex<Kept>>);
 
 #[derive(Default)]
 struct Kept {
-    /// Its memory is used again where no other render has it.
+    /// Its memory is reused unless another render still holds it.
     last: Option<Arc<EdgeSets>>,
     meshes: Vec<MeshEdges>,
-    /// Of the edges that move, and of the others or all.
+    /// Divisions of the edges that move, and of the others or of all.
     divisions: [Division; 2],
 }
 
@@ -224,14 +225,15 @@ impl EdgeSets {
         sets
     }
 
-    /// Adds them to the lists of a view.
+    /// Adds the edges to the lists of a view.
     #[inline(always)]
     pub fn add_to<'a>(&'a self, scene: &mut Scene<'a>) {
         scene.edges = self.edges.flat.as_flattened().as_flattened();
         scene.of_edges = self.edges.words.as_flattened();
     }
 
-    /// The kinds of edges, by how much colours may jump at each, and the number of those of meshes, which come first.
+    /// Returns the kind of each edge, the bound of the jump of its colors, and the number of mesh edges, which come
+    /// first.
     #[cfg(feature = "wgpu")]
     pub fn kinds(&self) -> (Vec<u32>, Vec<f32>, usize) {
         let kinds = &self.edges.kinds;
@@ -244,7 +246,8 @@ impl EdgeSets {
         (kinds.par_iter().map(kind).collect(), creases, meshes)
     }
 
-    /// The tree over the edges that matter to rays: all to rays that move, else those that move.
+    /// Returns the tree over the edges that matter to rays: all edges for rays that move, otherwise the edges that
+    /// move.
     pub(crate) fn seen_by(&self, rays_move: bool) -> Root<'_> {
         match &self.moving {
             Moving::Own(own) if !rays_move => own.root(0),

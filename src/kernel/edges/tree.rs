@@ -1,4 +1,4 @@
-//! A tree over edges, built from the top: eight parts of edges that are near to each other, and so on.
+//! A tree over edges. It is built from the top: each node divides its edges into eight parts of nearby edges.
 
 use std::ops::Range;
 
@@ -11,10 +11,10 @@ use crate::accel::LANES;
 use crate::accel::eights::{Divide, NONE, Shape, set};
 use crate::model::V3;
 
-/// Up to so many edges are a list, each of which is weighed.
+/// Up to this many edges form a list, in which the weight of each is computed.
 const FEW: usize = 64;
 
-/// A tree over edges, or a list of few: what a [`Root`] reads.
+/// A tree over edges, or a list of few edges. A [`Root`] reads it.
 pub(super) struct EdgeTree {
     nodes: Vec<f32>,
     children: Vec<u32>,
@@ -23,17 +23,17 @@ pub(super) struct EdgeTree {
     moves: bool,
 }
 
-/// How some edges of meshes are divided, which serves as long as they are near to each other.
+/// A division of mesh edges into leaves. It can be reused as long as the edges of its leaves stay close together.
 #[derive(Default)]
 pub(super) struct Division {
-    /// Which they are ([`Edges::name`](super::Edges)).
+    /// The identifiers of the edges ([`Edges::name`](super::Edges)).
     names: Vec<[u32; 2]>,
-    /// Their places in this list, in the order of the leaves.
+    /// Their indices in the divided list, in the order of the leaves.
     order: Vec<u32>,
     shape: Shape,
-    /// Σ half areas of the leaves' boxes when they were divided.
+    /// The sum of half the areas of the leaves' boxes when the edges were divided.
     cost: f32,
-    /// The memory of a tree's leaves, to be used again.
+    /// The memory of a tree's leaves, for reuse.
     pub room: Vec<f32>,
 }
 
@@ -62,7 +62,7 @@ impl Division {
         this
     }
 
-    /// Divides a list anew unless it has the same edges, whose boxes have not grown by half.
+    /// Divides the list again if its edges are others, or if the areas of the leaves' boxes have grown by half.
     fn update(&mut self, source: &EdgeList, list: &[u32]) {
         let is = |(&i, &name): (&u32, &[u32; 2])| source.edges.name(i) == name;
         let same = self.names.len() == list.len() && list.par_iter().zip(&self.names).all(is);
@@ -81,13 +81,13 @@ impl Division {
             let V3 { x, y, z } = high - low;
             x * y + y * z + z * x
         };
-        // In an order that doesn't depend on threads.
+        // The order of this sum does not depend on threads.
         let costs: Vec<f32> = self.shape.leaves.par_iter().map(of_leaf).collect();
         costs.iter().sum()
     }
 }
 
-/// The corners of a box around points.
+/// Returns the corners of a box around points.
 fn around(points: impl Iterator<Item = V3>) -> (V3, V3) {
     points.fold(
         (V3::ONE * f32::MAX, V3::ONE * f32::MIN),
@@ -95,10 +95,10 @@ fn around(points: impl Iterator<Item = V3>) -> (V3, V3) {
     )
 }
 
-/// Edges in the order of leaves, and the tree's shape over them.
+/// Edges in the order of leaves, and the shape of the tree over them.
 type Divided = (Vec<u32>, Shape);
 
-/// Some edges, divided: those of meshes, which come first, as they were where that serves.
+/// Divides edges. Edges of meshes come first, and their last division is reused if possible.
 fn divided(source: &EdgeList, list: &[u32], of_meshes: &mut Division) -> Divided {
     let is_of_mesh = |&i: &u32| source.edges.kinds[i as usize].0 != Kind::Crossing;
     let (meshes, crossings) = list.split_at(list.partition_point(is_of_mesh));
@@ -127,7 +127,7 @@ fn joined(parts: [Divided; 2]) -> Divided {
 }
 
 impl EdgeTree {
-    /// A tree over some edges of a list, those of meshes divided as they were where that serves.
+    /// Builds a tree over some edges of a list. The last division of the mesh edges is reused if possible.
     pub fn new(source: &EdgeList, which: &[u32], last: &mut Division) -> Self {
         if !Self::is_list(which) {
             let divided = divided(source, which, last);
@@ -141,19 +141,20 @@ impl EdgeTree {
         Self::shaped(source, &(which.to_vec(), shape), Vec::new())
     }
 
-    /// Whether so few edges are a list, not a tree.
+    /// Returns whether the edges are so few that they form a list and not a tree.
     pub fn is_list(which: &[u32]) -> bool {
         which.len() <= FEW
     }
 
-    /// A tree over some edges, not a list, and others, in which the tree over the first alone begins at node 1.
+    /// Builds a tree over two parts of the edges, in which the tree over the first part alone begins at node 1. The
+    /// first part must not be a list.
     pub fn joint(source: &EdgeList, parts: [(&[u32], &mut Division); 2]) -> Self {
         let room = std::mem::take(&mut parts[0].1.room);
         let parts = parts.map(|(which, last)| divided(source, which, last));
         Self::shaped(source, &joined(parts), room)
     }
 
-    /// A tree of a shape, over edges in its order, in memory that it may use.
+    /// Builds a tree of a given shape over edges in its order. It may reuse the memory of `leaves`.
     fn shaped(source: &EdgeList, (which, shape): &Divided, mut leaves: Vec<f32>) -> Self {
         let numbers = LANES * LEAF * shape.leaves.len();
         if leaves.len() != numbers {
@@ -198,12 +199,12 @@ impl EdgeTree {
         }
     }
 
-    /// Its memory, for another.
+    /// Returns its memory for another tree.
     pub fn into_room(self) -> Vec<f32> {
         self.leaves
     }
 
-    /// The part of it under a node, or all of a list.
+    /// Returns the part of the tree below a node, or the whole list.
     pub fn root(&self, node: u32) -> Root<'_> {
         let is_list = self.nodes.is_empty();
         Root {
@@ -223,7 +224,7 @@ impl EdgeTree {
     }
 }
 
-/// Edges are divided by their places, so that all leaves but one are full.
+/// Divides edges by position so that all leaves but one are full.
 struct ByPlace;
 
 impl Divide<Item> for ByPlace {
@@ -235,7 +236,7 @@ impl Divide<Item> for ByPlace {
         list.len() as f32
     }
 
-    /// What the largest full tree holds of which a node can have as many as it needs.
+    /// Returns the number of edges of the smallest full subtree of which eight hold the whole list.
     fn enough(&self, list: &[Item]) -> usize {
         let mut most = LANES;
         while most * LANES < list.len() {
@@ -244,7 +245,8 @@ impl Divide<Item> for ByPlace {
         most
     }
 
-    /// Halves edges along the axis in which their middles spread the most, but for a multiple of what is enough.
+    /// Splits edges along the axis on which their middles have the largest extent. The first part is half of them,
+    /// rounded up to a multiple of `enough`.
     fn split<'a>(&self, part: &'a mut [Item], enough: usize) -> [&'a mut [Item]; 2] {
         let (low, high) = around(part.iter().map(|item| item.middle));
         let size = (high - low).to_array();

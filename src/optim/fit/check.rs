@@ -5,9 +5,11 @@ use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor};
 
 use super::Fit;
+
 use crate::device::label;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
+use crate::optim::schedule::Blur;
 
 fn invalid(field: impl Into<String>, value: impl ToString, expected: &str) -> Error {
     Error::invalid("fit", field, value, expected)
@@ -27,6 +29,7 @@ impl<M: Module> Fit<M> {
         }
         Error::unless_positive("fit", "clip", self.clip.unwrap_or(1.0))?;
         self.rate.check()?;
+        self.rates.iter().try_for_each(|(_, rate)| rate.check())?;
         check_parameters(&self.module)
     }
 
@@ -35,16 +38,20 @@ impl<M: Module> Fit<M> {
         let Self {
             seed,
             rate,
+            rates,
             blur,
             clip,
-            steps,
             optimizer,
             ..
         } = self;
+        let rates: Vec<String> = rates.iter().map(|(_, rate)| rate.to_string()).collect();
+        let rates = rates.join(", ");
+        let blur = blur.as_ref().map_or("none".into(), Blur::to_string);
+        let clip = clip.map_or("none".into(), |norm| norm.to_string());
         let optimizer = fingerprint(optimizer);
         format!(
-            "seed {seed}\nsteps {steps}\nrate {rate:?}\nblur {blur:?}\nclip {clip:?}\n\
-             optimizer {optimizer}\n"
+            "seed {seed}\nrate {rate}\ngroups' rates {rates}\nblur {blur}\nclip {clip}\n\
+             optimizer (steps of a test) {optimizer}\n"
         )
     }
 }

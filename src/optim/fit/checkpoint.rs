@@ -190,7 +190,7 @@ impl Checkpoint {
         let pairs = self.settings.lines().zip(settings.lines());
         let differ: Vec<String> = pairs
             .filter(|(found, expected)| found != expected)
-            .map(|(found, expected)| format!("{found:?} is {expected:?} now"))
+            .map(|(found, expected)| format!("{found:?} there, {expected:?} now"))
             .collect();
         if differ.is_empty() && self.settings == settings {
             return Ok(());

@@ -12,7 +12,8 @@ mod step;
 
 use std::path::{Path, PathBuf};
 
-use burn::module::Module;
+use burn::lr_scheduler::module_lr_scheduler::{ModuleLearningRate, ModuleLrScheduler};
+use burn::module::{Module, ParamGroup};
 use burn::optim::ModuleOptimizer;
 
 use super::schedule::Blur;
@@ -67,6 +68,7 @@ pub struct Fit<M> {
     steps: usize,
     seed: u64,
     rate: Rate,
+    rates: Vec<(ParamGroup, Rate)>,
     blur: Option<Blur>,
     clip: Option<f64>,
     patience: Option<usize>,
@@ -88,6 +90,7 @@ impl<M: Module> Fit<M> {
             steps,
             seed: 0,
             rate: Rate::constant(0.01),
+            rates: Vec::new(),
             blur: None,
             clip: None,
             patience: None,
@@ -104,6 +107,53 @@ impl<M: Module> Fit<M> {
     pub fn rate(mut self, rate: impl Into<Rate>) -> Self {
         self.rate = rate.into();
         self
+    }
+
+    /// Sets the learning rate of a group of parameters, which replaces [`Fit::rate`] for these. If a parameter is in
+    /// several groups, the last one counts. [`History`] records the rate of [`Fit::rate`].
+    ///
+    /// Groups can have their own optimizers, too: see burn's `ModuleOptimizer::with_group`. This fit moves vertices by
+    /// [`LargeSteps`](super::LargeSteps) and colors by Adam:
+    ///
+    /// ```
+    /// use burn::module::{Module, Param, ParamGroup};
+    /// use burn::optim::{AdamConfig, ModuleOptimizer};
+    /// use softray::optim::{LargeSteps, LargeStepsConfig};
+    /// use softray::prelude::*;
+    /// #[derive(Module, Debug)]
+    /// struct Ball {
+    ///     vertices: Param<Tensor<2>>,
+    ///     color: Param<Tensor<1>>,
+    /// }
+    /// let device = Device::flex().autodiff();
+    /// let mesh = shapes::icosphere(1, &device);
+    /// let steps = LargeSteps::from_mesh(&mesh, &LargeStepsConfig::default())?;
+    /// let vertices = ParamGroup::from_path("vertices");
+    /// let optimizer = AdamConfig::new().init().with_group(vertices.clone(), steps, None);
+    /// let color = Param::from_tensor(Tensor::from_floats([0.5, 0.5, 0.5], &device));
+    /// let ball = Ball { vertices: Param::from_tensor(mesh.vertices), color };
+    /// let fitted = Fit::new(ball, optimizer, 3)
+    ///     .rate(0.02)
+    ///     .rate_of(vertices, Rate::cosine(0.1))
+    ///     .run(|ball: &Ball, _: &_| {
+    ///         let far = (ball.vertices.val() - 1.0).powf_scalar(2.0).mean();
+    ///         Ok(Evaluation::new(far + ball.color.val().powf_scalar(2.0).mean()))
+    ///     })?;
+    /// assert!(fitted.module.color.val().max().into_scalar::<f32>() < 0.5);
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    pub fn rate_of(mut self, group: ParamGroup, rate: impl Into<Rate>) -> Self {
+        self.rates.push((group, rate.into()));
+        self
+    }
+
+    /// Returns the learning rates of a step.
+    fn rates_at(&self, step: usize) -> ModuleLearningRate {
+        let mut rates = ModuleLrScheduler::new(self.rate.at(step, self.steps));
+        for (group, rate) in &self.rates {
+            rates = rates.with_group(group.clone(), rate.at(step, self.steps));
+        }
+        rates.step()
     }
 
     /// Sets the seed of all random numbers, less than 2²⁴; 0 by default.
@@ -134,7 +184,8 @@ impl<M: Module> Fit<M> {
     }
 
     /// Writes `history.csv`, `history.png` and checkpoints to a folder, and resumes from the newest complete
-    /// checkpoint in it. [`Fit::run`] returns an error if the checkpoint has other settings, another process is
+    /// checkpoint in it. With a larger number of steps, a finished fit continues where it ended. [`Fit::run`]
+    /// returns an error if the checkpoint has other settings (except for the number of steps), another process is
     /// fitting in the folder, or all checkpoints are damaged.
     pub fn folder(mut self, folder: impl AsRef<Path>) -> Self {
         self.folder = Some(folder.as_ref().into());

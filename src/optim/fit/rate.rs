@@ -1,3 +1,5 @@
+use std::fmt;
+
 use crate::error::{Error, Result};
 
 /// A learning rate over the steps of a fit.
@@ -45,6 +47,17 @@ impl Rate {
     pub(super) fn check(&self) -> Result<()> {
         Error::unless_positive("fit", "rate", self.start)?;
         Error::unless_positive("fit", "rate", self.end)
+    }
+}
+
+impl fmt::Display for Rate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { start, end, cosine } = self;
+        match (cosine, start == end) {
+            (true, _) => write!(f, "from {start} to 0 along a cosine"),
+            (_, true) => write!(f, "{start}"),
+            _ => write!(f, "from {start} to {end}"),
+        }
     }
 }
 

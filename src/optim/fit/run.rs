@@ -166,7 +166,8 @@ impl<M: Module> Run<M> {
             self.stop = (!wanted).then_some(Stop::Callback);
         }
         drop(evaluation);
-        self.fit.module = self.fit.optimizer.step(rate, self.fit.module, gradients);
+        let rates = self.fit.rates_at(index);
+        self.fit.module = self.fit.optimizer.step(rates, self.fit.module, gradients);
         observe(&mut self.fit.blur, loss);
         self.progress.step(index + 1, loss, step.blur);
         let (window, last) = (self.window, self.plateaus.last().copied());

@@ -11,7 +11,6 @@ mod structure;
 use burn::tensor::Tensor;
 
 pub use points::{chamfer, f_score};
-pub(crate) use pyramid::mean;
 pub use pyramid::{multi_scale, multi_scale_unbiased, pyramid};
 pub use silhouette::{iou, silhouette_iou};
 pub use structure::{dssim, ssim};

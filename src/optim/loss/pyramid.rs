@@ -72,7 +72,7 @@ pub fn multi_scale_unbiased<const D: usize>(
 }
 
 /// The mean of scalars.
-pub(crate) fn mean(losses: impl Iterator<Item = Tensor<1>>) -> Tensor<1> {
+fn mean(losses: impl Iterator<Item = Tensor<1>>) -> Tensor<1> {
     Tensor::cat(losses.collect(), 0).mean()
 }
 

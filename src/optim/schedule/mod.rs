@@ -7,6 +7,7 @@ mod auto;
 mod plateau;
 
 use std::f64::consts::PI;
+use std::fmt;
 
 use crate::error::{Error, Result};
 
@@ -138,6 +139,36 @@ pub enum Blur {
     Scheduled(BlurSchedule),
     /// Blur that depends on the observed losses.
     Plateau(PlateauBlur),
+}
+
+impl fmt::Display for BlurSchedule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            start,
+            end,
+            hold,
+            steps,
+            cosine,
+        } = self;
+        if start == end {
+            return write!(f, "{start}");
+        }
+        let form = if *cosine { " along a cosine" } else { "" };
+        write!(f, "from {start} to {end} in {steps} steps{form}")?;
+        match hold {
+            0 => Ok(()),
+            _ => write!(f, " after {hold} steps"),
+        }
+    }
+}
+
+impl fmt::Display for Blur {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Scheduled(schedule) => schedule.fmt(f),
+            Self::Plateau(plateau) => plateau.fmt(f),
+        }
+    }
 }
 
 impl Blur {

@@ -1,6 +1,7 @@
 //! Blur that falls when the loss has stopped falling.
 
 use std::collections::VecDeque;
+use std::fmt;
 
 use super::check_ends;
 use crate::error::{Error, Result};
@@ -41,6 +42,24 @@ pub struct PlateauBlur {
     tolerance: f64,
     /// The losses since the last change, at most the last 2·patience of them.
     losses: VecDeque<f64>,
+}
+
+impl fmt::Display for PlateauBlur {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            value,
+            end,
+            factor,
+            patience,
+            tolerance,
+            ..
+        } = self;
+        write!(
+            f,
+            "from {value} to {end} by a factor of {factor}, when the mean of {patience} losses falls by less than \
+             {tolerance}"
+        )
+    }
 }
 
 impl PlateauBlur {

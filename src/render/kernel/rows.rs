@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::kernel::Seen;
-use crate::render::options::Outputs;
+use crate::render::outputs::Outputs;
 
 /// The channels of an image: radiance, opacity, depth, normal, weights of the objects and the background, rays of a
 /// path.

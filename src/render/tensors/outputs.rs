@@ -3,7 +3,7 @@
 use burn::tensor::Tensor;
 
 use crate::geometry::{Vec3, detached};
-use crate::render::options::Outputs;
+use crate::render::outputs::Outputs;
 use crate::scene::Flattened;
 use crate::tensors::{Group, Radiance};
 

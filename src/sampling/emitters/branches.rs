@@ -1,5 +1,5 @@
-//! Emitters divided into branches of a tree where estimates of both halves are best, by bounds of their power, place and
-//! orientation.
+//! Divides emitters into the branches of a light tree, so that bounds of power, position and orientation estimate the
+//! light of each branch well.
 
 use super::tree::{BRANCH, IS_LEAF, OF_NODE, PARENT};
 use crate::accel::LANES;
@@ -7,18 +7,18 @@ use crate::accel::eights::{Divide, NONE, Shape, set};
 use crate::model::V3;
 use crate::model::light_bounds::{Axes, Sphere};
 
-/// What a tree knows of an emitter.
+/// An emitter as an item of the tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Item {
     pub emitter: u32,
-    /// A box around it, over the shutter.
+    /// A bounding box of the emitter over the shutter time.
     pub low: V3,
     pub high: V3,
-    /// Its normal or direction; light goes up to 90° from there, or in all directions.
+    /// The normal or direction. The emitter emits up to 90° from it, or in all directions.
     pub axis: V3,
     pub all_round: bool,
     pub power: f32,
-    /// Whether it is a leaf of its own.
+    /// Whether the emitter is the only one of its leaf.
     pub alone: bool,
 }
 
@@ -45,10 +45,10 @@ fn bounds(items: &[Item]) -> (V3, V3) {
     (low, high)
 }
 
-/// Parts that a branch may be divided between.
+/// The number of bins along each axis, between which a branch may be divided.
 const BINS: usize = 12;
 
-/// Some emitters: a box, their power, and the sum of their axes times it.
+/// A set of emitters: bounding box, power, and the sum of their axes weighted by power.
 #[derive(Clone, Copy, Debug)]
 struct Bin {
     low: V3,
@@ -95,7 +95,8 @@ impl Bin {
         }
     }
 
-    /// Power times surface times a measure of how much axes spread: what makes estimates wrong.
+    /// Returns a measure of the error of estimates: power times surface of the box times a measure of the spread of
+    /// axes.
     fn cost(&self) -> f32 {
         if self.power <= 0.0 {
             return 0.0;
@@ -107,7 +108,7 @@ impl Bin {
     }
 }
 
-/// Emitters are divided where estimates of both halves are best.
+/// Divides emitters where the estimates of both halves are best.
 struct ByEstimates;
 
 impl Divide<Item> for ByEstimates {
@@ -180,7 +181,7 @@ pub(super) struct Lists {
 }
 
 impl Lists {
-    /// Divides emitters, which are put into the order of the tree's leaves.
+    /// Divides emitters and sorts them into the order of the tree's leaves.
     pub fn shape(items: &mut [Item]) -> Shape {
         if items.is_empty() {
             return Shape::default();
@@ -188,10 +189,10 @@ impl Lists {
         Shape::of(0, items, &ByEstimates)
     }
 
-    /// Of emitters that were divided, counted up to `count`.
+    /// Makes the lists of divided emitters, whose numbers are less than `count`.
     pub fn new(shape: &Shape, items: &[Item], count: usize) -> Self {
         let inner = shape.nodes.len();
-        // Leaves come after other nodes.
+        // Leaves are numbered after the other nodes.
         let node = |child: u32| child as usize / 2 + inner * (child as usize % 2);
         let mut of_nodes = vec![0..0; inner];
         of_nodes.extend_from_slice(&shape.leaves);

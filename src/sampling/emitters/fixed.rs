@@ -1,4 +1,4 @@
-//! The choice of an emitter with probabilities that are known.
+//! The choice of an emitter with probabilities that do not depend on the point.
 
 #![allow(
     clippy::manual_clamp,
@@ -9,7 +9,7 @@ use crate::cube::*;
 use crate::model::choice::MOST;
 use crate::model::lists::first_over;
 
-/// Probabilities that do not depend on the point, and sums of these up to each emitter.
+/// Probabilities that do not depend on the point, and their running sums.
 #[cfg_attr(feature = "wgpu", derive(CubeType))]
 #[derive(Clone, Copy)]
 pub(crate) struct Fixed<'a> {
@@ -18,7 +18,7 @@ pub(crate) struct Fixed<'a> {
     pub count: u32,
 }
 
-/// A choice that was made, its probability, and what is left of the random number.
+/// A chosen emitter, its probability, and the rest of the random number, which is uniform again.
 #[apply(zeroed!)]
 pub(crate) struct Chosen {
     pub emitter: u32,
@@ -28,11 +28,11 @@ pub(crate) struct Chosen {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl<'a> Fixed<'a> {
-    /// One of many, for a random number.
+    /// Chooses one of many emitters with a random number.
     #[inline(always)]
     pub fn choose(&self, u: f32) -> Chosen {
         let mut k = first_over(self.sums, 0u32, self.count, 1u32, u);
-        // Rounding may leave the sum a little under 1: then the last that can be is taken.
+        // Rounding may leave the total a little under 1. Then the last emitter with a probability is chosen.
         while k > 0 && self.chances[k as usize] <= 0.0 {
             k -= 1;
         }

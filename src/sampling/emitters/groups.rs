@@ -1,22 +1,22 @@
-//! Emitters that are near to each other, whose shadows are sampled together.
+//! Groups of nearby emitters, whose shadows are sampled together.
 
 use super::Emitter;
 use crate::model::V3;
 
-/// Emitters in a sphere, at the start of the shutter.
+/// A group of emitters, and a sphere around them at the start of the shutter time.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct EmitterGroup {
     pub members: Vec<u32>,
     pub centre: V3,
     pub radius: f32,
-    /// The velocity of each of them.
+    /// The velocity of all members.
     pub velocity: V3,
 }
 
-/// Emitters of one group at most.
+/// The largest number of emitters in a group.
 const TOGETHER: usize = 8;
 
-/// Emitters of one object and velocity together, few at a time.
+/// Groups consecutive emitters of one object, which have the same velocity, up to [`TOGETHER`] at a time.
 pub(super) fn group(list: &[Emitter]) -> Vec<EmitterGroup> {
     let mut groups: Vec<EmitterGroup> = Vec::new();
     let mut last = None;

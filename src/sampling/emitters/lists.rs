@@ -1,4 +1,4 @@
-//! The emitters of a scene as lists, and the choice of one, in one source for the host and GPUs.
+//! The emitters of a scene as lists, and the choice of an emitter, in one source for the host and GPUs.
 
 #![allow(unused_assignments)] // Variables of a kernel need a first value.
 #![allow(
@@ -20,30 +20,30 @@ use crate::model::lists::vector;
 use crate::model::triangle::solid_angle;
 use crate::model::{V2, V3, v2};
 
-/// How emitters are chosen, and what they are; kernels on GPUs know it when they are compiled.
+/// The emitters that a scene has, and how one is chosen. GPU kernels are compiled for these values.
 #[derive(Clone, Copy, Debug, Default, Hash, PartialEq, Eq)]
 pub(crate) struct EmitterKinds {
     /// Whether there are delta lights, and whether triangles move.
     pub lights: bool,
     pub moves: bool,
-    /// By the solid angles of all, by a tree, or by sums of fixed probabilities; else by these probabilities, one after
-    /// another.
+    /// The choice by the solid angles of all emitters, by a tree, or by running sums of fixed probabilities. Otherwise,
+    /// fixed probabilities are passed one after another.
     pub by_solid_angle: bool,
     pub by_tree: bool,
     pub by_sums: bool,
-    /// Words of room that a choice needs.
+    /// The number of words of scratch space (`room`) that a choice requires.
     pub room: usize,
 }
 
 impl EmitterKinds {
-    /// Words of room that any choice needs.
+    /// The largest number of words of scratch space that a choice requires.
     pub const MOST_ROOM: usize = FEW;
 }
 
-/// Up to so many emitters have their solid angles computed at every point.
+/// The largest number of emitters for which solid angles are computed at every point.
 pub(super) const FEW: usize = 64;
 
-/// Emitters: triangles, then delta lights, in one count.
+/// The emitters of a scene as lists. Triangles are numbered first, then delta lights.
 #[cfg_attr(feature = "wgpu", derive(CubeType))]
 #[derive(Clone, Copy)]
 pub(crate) struct EmitterLists<'a> {
@@ -52,9 +52,9 @@ pub(crate) struct EmitterLists<'a> {
     pub triangle_count: u32,
     pub lights: &'a [f32],
     pub bits: &'a [u32],
-    /// What each brings is multiplied by: mean radiance, intensity or irradiance.
+    /// The factor of each emitter's light: mean radiance, intensity or irradiance.
     pub brightness: &'a [f32],
-    /// Many, and the probabilities of all that do not depend on the point.
+    /// The tree over many emitters, and the fixed probabilities of all emitters.
     pub tree: LightTree<'a>,
     #[cfg_attr(feature = "wgpu", cube(comptime))]
     pub kinds: EmitterKinds,
@@ -62,17 +62,17 @@ pub(crate) struct EmitterLists<'a> {
 
 pub(crate) const OF_EMITTER: usize = 16;
 
-/// A surface point that emitters are chosen for.
+/// A surface point for which an emitter is chosen.
 #[apply(record!)]
 pub(crate) struct Receiver {
     pub position: V3,
-    /// The side's normal.
+    /// The geometric normal on the side that the path's ray came from.
     pub normal: V3,
-    /// Time in the shutter.
+    /// The shutter time.
     pub time: f32,
 }
 
-/// A triangle that emits, at a time in the shutter.
+/// An emitting triangle at a shutter time.
 #[apply(record!)]
 pub(crate) struct EmitterTriangle {
     pub a: V3,
@@ -84,7 +84,7 @@ pub(crate) struct EmitterTriangle {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl EmitterTriangle {
-    /// It moved by a vector.
+    /// Returns the triangle, translated by a vector.
     #[inline(always)]
     pub fn moved(&self, shift: V3) -> EmitterTriangle {
         EmitterTriangle {
@@ -96,17 +96,17 @@ impl EmitterTriangle {
         }
     }
 
-    /// The solid angle under which a point sees its front.
+    /// Returns the solid angle under which a point sees the triangle's front.
     #[inline(always)]
     pub fn angle(&self, from: V3) -> f32 {
         solid_angle(self.a, self.b, self.c, from).max(0.0)
     }
 }
 
-/// A point of an emitter's front that a ray hits, as if nothing were in between.
+/// The point where a ray hits an emitter's front, regardless of occluders.
 #[apply(record!)]
 pub(crate) struct EmitterHit {
-    /// [`NONE`] where there is none.
+    /// The emitter, or [`NONE`] without a hit.
     pub emitter: u32,
     pub distance: f32,
     /// Weights of the corners b and c.
@@ -123,15 +123,15 @@ pub(crate) fn no_emitter_hit() -> EmitterHit {
     }
 }
 
-/// A choice among few emitters, which passes one after another.
+/// A choice among few emitters, which passes them one after another.
 #[apply(zeroed!)]
 pub(crate) struct Choosing {
     emitter: u32,
     chance: f32,
-    /// The sums of the probabilities before it and before the next.
+    /// The sums of the probabilities before the chosen emitter, and before the next one.
     before: f32,
     passed: f32,
-    /// The sum with it: it is the one where this is over the random number.
+    /// The sum up to and including the chosen emitter. Once it exceeds the random number, the choice is final.
     past: f32,
 }
 
@@ -148,8 +148,8 @@ impl Choosing {
         }
     }
 
-    /// Passes an emitter with a probability, which is chosen where it takes the sum over a random number. Rounding may
-    /// leave the sum of all a little under 1: then the last that can be is taken.
+    /// Passes an emitter, and chooses it if its probability is above 0 and the choice is not final. Rounding may leave
+    /// the total a little under 1. Then the last emitter with a probability is chosen.
     #[inline(always)]
     pub fn pass(&mut self, k: u32, chance: f32, u: f32) {
         if u >= self.past && chance > 0.0 {
@@ -173,7 +173,7 @@ impl Choosing {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl<'a> EmitterLists<'a> {
-    /// A triangle if a ray hits it.
+    /// Intersects a ray with the front of a triangle.
     #[inline(always)]
     pub fn hit(&self, k: u32, x: V3, direction: V3, time: f32) -> EmitterHit {
         let on = self.triangle(k, time);
@@ -187,7 +187,7 @@ impl<'a> EmitterLists<'a> {
         found
     }
 
-    /// A triangle.
+    /// Returns a triangle at a shutter time.
     #[inline(always)]
     pub fn triangle(&self, k: u32, time: f32) -> EmitterTriangle {
         let mut found = self.at_rest(k);
@@ -197,7 +197,7 @@ impl<'a> EmitterLists<'a> {
         found
     }
 
-    /// A triangle at the start of the shutter.
+    /// Returns a triangle at the start of the shutter time.
     #[inline(always)]
     pub fn at_rest(&self, k: u32) -> EmitterTriangle {
         let list = &self.triangles[OF_EMITTER * k as usize..];
@@ -210,13 +210,13 @@ impl<'a> EmitterLists<'a> {
         }
     }
 
-    /// The displacement of a triangle over the shutter.
+    /// Returns the displacement of a triangle over the shutter time.
     #[inline(always)]
     pub fn velocity(&self, k: u32) -> V3 {
         vector(self.triangles, OF_EMITTER as u32 * k + 13)
     }
 
-    /// Whether an emitter is a delta light.
+    /// Returns whether an emitter is a delta light.
     #[inline(always)]
     pub fn is_light(&self, k: u32) -> bool {
         let mut found = false;
@@ -226,13 +226,13 @@ impl<'a> EmitterLists<'a> {
         found
     }
 
-    /// The delta light that an emitter is.
+    /// Returns the delta light with an emitter's number.
     #[inline(always)]
     pub fn light(&self, k: u32) -> DeltaLight {
         delta_light_at(self.lights, self.bits, k - self.triangle_count)
     }
 
-    /// About the irradiance of a point that faces an emitter.
+    /// Estimates the irradiance that an emitter brings to a point that faces it.
     #[inline(always)]
     pub fn brings(&self, k: u32, at: &Receiver) -> f32 {
         let mut seen = 0.0f32;
@@ -246,8 +246,8 @@ impl<'a> EmitterLists<'a> {
         self.brightness[k as usize] * seen
     }
 
-    /// Looks at emitters from a point, for choices there: leaves the bits of the probabilities of few in `room`, and
-    /// returns the probability of directional lights among many.
+    /// Prepares choices at a point. For a choice by solid angle, it stores the bits of all probabilities in `room`. For
+    /// a tree, it returns the probability of directional lights; otherwise it returns 0.
     #[inline(always)]
     pub fn look(&self, at: &Receiver, room: &mut [u32]) -> f32 {
         let mut share = 0.0f32;
@@ -269,7 +269,7 @@ impl<'a> EmitterLists<'a> {
         share
     }
 
-    /// The probability of one of few, of what it brings and of what all bring.
+    /// Returns the probability of one of few emitters, from the light that it brings and the light that all bring.
     #[inline(always)]
     pub fn chance_of_few(&self, k: u32, brings: f32, total: f32) -> f32 {
         let mut chance = self.tree.fixed.chances[k as usize];
@@ -279,7 +279,7 @@ impl<'a> EmitterLists<'a> {
         chance
     }
 
-    /// The probability of an emitter, after [`look`](Self::look) from the same point.
+    /// Returns the probability of an emitter. Requires a call of [`look`](Self::look) at the same point.
     #[inline(always)]
     pub fn chance(&self, k: u32, at: &Receiver, share: f32, room: &mut [u32]) -> f32 {
         let mut chance = 0.0f32;
@@ -291,7 +291,7 @@ impl<'a> EmitterLists<'a> {
         chance
     }
 
-    /// That of one of few.
+    /// Returns the probability of an emitter without a tree.
     #[inline(always)]
     fn known(&self, k: u32, room: &mut [u32]) -> f32 {
         let mut chance = self.tree.fixed.chances[k as usize];
@@ -301,7 +301,7 @@ impl<'a> EmitterLists<'a> {
         chance
     }
 
-    /// An emitter for a random number, after [`look`](Self::look) from the same point.
+    /// Chooses an emitter with a random number. Requires a call of [`look`](Self::look) at the same point.
     #[inline(always)]
     pub fn choose(&self, u: f32, at: &Receiver, share: f32, room: &mut [u32]) -> Chosen {
         let mut choice = Chosen {
@@ -319,7 +319,7 @@ impl<'a> EmitterLists<'a> {
         choice
     }
 
-    /// One of so few that all are looked at.
+    /// Chooses one of few emitters by passing them all.
     #[inline(always)]
     fn choose_of_few(&self, u: f32, room: &mut [u32]) -> Chosen {
         let mut choosing = Choosing::begin();
@@ -329,7 +329,7 @@ impl<'a> EmitterLists<'a> {
         choosing.end(u)
     }
 
-    /// The probability of a group of emitters, which follow each other from the first on.
+    /// Returns the probability of a group of emitters, whose numbers are `first..past`.
     #[inline(always)]
     pub fn chance_of_group(
         &self,

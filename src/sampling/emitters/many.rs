@@ -1,4 +1,4 @@
-//! The choice of one of many emitters, by a tree over those that are somewhere, beside directional lights.
+//! The choice of one of many emitters, by a tree over emitters with a position, beside directional lights.
 
 use pulp::Arch;
 
@@ -11,7 +11,8 @@ use crate::accel::{Machine, Task, dispatch};
 use crate::model::V3;
 use crate::model::light_bounds::{Axes, Sphere};
 
-/// A tree over emitters, and directional lights: what a [`LightTree`] reads. What is called is compiled for the machine.
+/// A tree over emitters with a position, and directional lights: the data of a [`LightTree`]. `meet` is compiled for
+/// the machine's vector instructions.
 pub(super) struct ManyEmitters {
     arch: Arch,
     tree: Lists,
@@ -20,7 +21,7 @@ pub(super) struct ManyEmitters {
     axes: [f32; 9],
 }
 
-/// A triangle as an item of the tree.
+/// Makes an item of the tree from a triangle.
 fn item(k: usize, e: &Emitter) -> Item {
     let ends = e.corners.map(|c| [c, c + e.velocity]);
     let ends = ends.as_flattened();
@@ -36,8 +37,8 @@ fn item(k: usize, e: &Emitter) -> Item {
 }
 
 impl ManyEmitters {
-    /// Of emitters whose fixed probabilities are those by power, with their groups: the tree's leaves, then
-    /// directional lights one by one. The list of emitters is put into the order of the leaves.
+    /// Builds the tree, and the groups of emitters: the tree's leaves, then directional lights one by one. The fixed
+    /// probabilities of the emitters must be by power. The list of triangles is sorted by leaf.
     pub fn new(all: &mut Emitters) -> (Self, Vec<EmitterGroup>) {
         let triangles = all.list.len();
         let items = all.list.iter().enumerate();
@@ -112,7 +113,7 @@ impl ManyEmitters {
         (many, groups)
     }
 
-    /// What is read to choose one of all.
+    /// Returns the lists for choosing one of all emitters.
     #[inline(always)]
     pub fn tree<'a>(&'a self, fixed: Fixed<'a>) -> LightTree<'a> {
         LightTree {
@@ -128,7 +129,7 @@ impl ManyEmitters {
         }
     }
 
-    /// Finds the emitters that are somewhere whose spheres a ray meets.
+    /// Collects the emitters with a position whose spheres a ray meets.
     pub fn meet(&self, all: &Emitters, at: &Receiver, direction: V3, met: &mut Met) {
         let task = Meet {
             tree: all.lists().tree,
@@ -140,14 +141,14 @@ impl ManyEmitters {
     }
 }
 
-/// The emitters whose spheres a ray meets, and nodes that are left to look into.
+/// The emitters whose spheres a ray meets, and the nodes that are not visited yet.
 #[derive(Default)]
 pub(crate) struct Met {
     open: Vec<u32>,
     pub emitters: Vec<u32>,
 }
 
-/// Finds the emitters whose spheres a ray meets.
+/// Collects the emitters whose spheres a ray meets.
 struct Meet<'a> {
     tree: LightTree<'a>,
     at: &'a Receiver,

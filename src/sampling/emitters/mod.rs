@@ -1,4 +1,4 @@
-//! Emitters, and the choice of one that a surface point is connected to; it carries no gradient.
+//! Emitters, and the choice of one for next-event estimation at a surface point. The choice carries no gradient.
 
 mod branches;
 mod fixed;
@@ -32,24 +32,24 @@ pub(crate) use places::EmitterPlace;
 use powers::{powers_of_lights, running_sums};
 pub(crate) use tree::LightTree;
 
-/// The emitters of a scene: triangles, then delta lights, in one count.
+/// The emitters of a scene. Triangles are numbered first, then delta lights.
 pub(crate) struct Emitters {
     list: Vec<Emitter>,
     lights: Vec<DeltaLight>,
     /// Probabilities that do not depend on the point.
     pub fixed: Vec<f32>,
-    /// Sums of these up to each emitter.
+    /// Running sums of these probabilities.
     sums: Vec<f32>,
     by: Choice,
     pub kinds: EmitterKinds,
     flat: Flat,
-    /// Emitters that are near to each other, whose shadows are sampled together; then delta lights, one by one.
+    /// Groups of nearby triangles, whose shadows are sampled together. Each delta light is a group of its own.
     pub groups: Vec<EmitterGroup>,
     /// The group of each delta light.
     group_of_light: Vec<u32>,
 }
 
-/// What [`EmitterLists`] read.
+/// The data of [`EmitterLists`].
 #[derive(Default)]
 struct Flat {
     triangles: Vec<[f32; OF_EMITTER]>,
@@ -80,11 +80,11 @@ impl Flat {
     }
 }
 
-/// The choice of an emitter.
+/// How an emitter is chosen.
 enum Choice {
     /// With probabilities that do not depend on the point.
     Fixed,
-    /// By the solid angles of all.
+    /// By the solid angles of all emitters.
     SolidAngle,
     /// By a tree.
     Tree(ManyEmitters),
@@ -93,26 +93,26 @@ enum Choice {
 /// A triangle that emits from its front, in inner coordinates at the start of the shutter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Emitter {
-    /// The triangle and object of the scene that it is.
+    /// The triangle's number in the scene, and its object's.
     pub triangle: u32,
     pub object: u32,
     pub corners: [V3; 3],
     pub normal: V3,
     pub area: f32,
     pub velocity: V3,
-    /// Mean radiance; one that is black for now may have a gradient.
+    /// Mean radiance. [`Emitters::new`] raises it above 0, since an emitter that is black now may have a gradient.
     pub radiance: f32,
-    /// Of [`Emitters::groups`].
+    /// An index of [`Emitters::groups`].
     pub group: u32,
 }
 
-/// Emitters under a glancing angle are chosen with at least this share of their power's probability:
-/// their light is small there, but its derivative is not.
+/// The least probability of an emitter, relative to its probability by power. At a grazing angle an emitter's light is
+/// small, but the derivative of the light is not.
 pub(crate) const BY_POWER: f32 = 0.1;
 
 impl Emitters {
-    /// Of a list in the order of the scene's triangles; `moves` says whether any velocity counts. `size` is the typical
-    /// size of the scene, in the unit of coordinates.
+    /// Takes a list in the order of the scene's triangles. `moves` states whether any velocity is used. `size` is the
+    /// typical size of the scene, in the unit of coordinates.
     pub fn new(
         mut list: Vec<Emitter>,
         lights: Vec<DeltaLight>,
@@ -133,7 +133,7 @@ impl Emitters {
             *p = if p.is_finite() { *p } else { 0.0 };
         }
         let total: f64 = power.iter().sum();
-        // From anywhere, emitters of one plane are seen about as their areas are.
+        // From any point, the solid angles of emitters in one plane are about in proportion to their areas.
         let apart = |e: &Emitter| {
             let (n, first) = (e.normal - list[0].normal, list[0].corners[0]);
             let offset = (e.corners[0] - first).dot(list[0].normal);
@@ -201,7 +201,7 @@ impl Emitters {
         self.list.is_empty() && self.lights.is_empty()
     }
 
-    /// The delta light that an emitter is, by its place among those.
+    /// Returns the index of an emitter among the delta lights, or `None` for a triangle.
     #[inline(always)]
     pub fn light(&self, emitter: usize) -> Option<usize> {
         emitter.checked_sub(self.list.len())
@@ -218,7 +218,7 @@ impl Emitters {
         &self.lights
     }
 
-    /// Whether probabilities depend on the point.
+    /// Returns whether probabilities depend on the point.
     pub fn depends_on_position(&self) -> bool {
         !matches!(self.by, Choice::Fixed)
     }
@@ -227,7 +227,7 @@ impl Emitters {
         &self.list[emitter]
     }
 
-    /// What a choice reads.
+    /// Returns the lists for a choice.
     #[inline(always)]
     pub fn lists(&self) -> EmitterLists<'_> {
         let fixed = Fixed {
@@ -249,7 +249,8 @@ impl Emitters {
         }
     }
 
-    /// An emitter for a random number, its probability, and what is left of the number, uniform again.
+    /// Chooses an emitter with a random number. Returns its number, its probability, and the rest of the random number,
+    /// which is uniform again.
     pub fn choose(&self, at: &Receiver, u: f32, room: &mut Vec<u32>) -> (usize, f32, f32) {
         let lists = self.lists();
         room.resize(self.kinds.room, 0);
@@ -258,7 +259,7 @@ impl Emitters {
         (choice.emitter as usize, choice.chance, choice.rest)
     }
 
-    /// The probability of an emitter at a point.
+    /// Returns the probability of an emitter at a point.
     pub fn chance(&self, at: &Receiver, emitter: usize, room: &mut Vec<u32>) -> f32 {
         let lists = self.lists();
         room.resize(self.kinds.room, 0);
@@ -266,7 +267,7 @@ impl Emitters {
         lists.chance(emitter as u32, at, share, room)
     }
 
-    /// Visits all emitters whose front a ray hits, as if nothing were in between; `met` is room for some of them.
+    /// Visits all emitters whose front a ray hits, regardless of occluders. `met` is scratch space.
     #[inline(always)]
     pub fn each_hit_of_all(
         &self,
@@ -286,7 +287,7 @@ impl Emitters {
         }
     }
 
-    /// Visits the emitters among some whose front a ray hits, as if nothing were in between.
+    /// Visits those of the listed emitters whose front a ray hits, regardless of occluders.
     #[inline(always)]
     pub fn each_hit(
         &self,
@@ -304,7 +305,7 @@ impl Emitters {
         }
     }
 
-    /// All triangles.
+    /// Returns the numbers of all triangles.
     pub fn all(&self) -> std::ops::Range<usize> {
         0..self.list.len()
     }

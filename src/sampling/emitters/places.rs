@@ -1,4 +1,4 @@
-//! Places on emitters that surface points are connected to: one that is drawn, and those along a direction.
+//! Points on emitters for next-event estimation: sampled points, and points along a direction.
 
 #![allow(unused_assignments)] // Variables of a kernel need a first value.
 #![allow(
@@ -14,8 +14,7 @@ use crate::cube::*;
 use crate::model::triangle::uniform_point;
 use crate::model::{V2, V3, v2};
 
-/// An emitter that a surface point is connected to, or [`NONE`], a place on it, and the probability with which it was
-/// chosen.
+/// A point on an emitter (or [`NONE`]), and the probability with which the emitter was chosen.
 #[apply(record!)]
 pub(crate) struct EmitterPlace {
     pub emitter: u32,
@@ -37,7 +36,8 @@ impl EmitterPlace {
 
 #[cube]
 impl<'a> EmitterLists<'a> {
-    /// A place on an emitter for two random numbers, after [`look`](Self::look) from the same point.
+    /// Samples a point on an emitter with two random numbers. Requires a call of [`look`](Self::look) at the same
+    /// point.
     pub fn choose_place(
         &self,
         u: f32,
@@ -54,8 +54,8 @@ impl<'a> EmitterLists<'a> {
         }
     }
 
-    /// The place that a ray from a point hits on the first emitter from a number on whose front it hits, as if nothing
-    /// were in between, after [`look`](Self::look) from that point.
+    /// Intersects a ray with the fronts of emitters, regardless of occluders. Returns the hit of the least emitter
+    /// number that is at least `from`. Requires a call of [`look`](Self::look) at the ray's origin.
     pub fn place_along(
         &self,
         from: u32,

@@ -1,8 +1,8 @@
-//! Powers of lights, and sums of them.
+//! Powers of delta lights, and running sums.
 
 use crate::model::delta_light::DeltaLight;
 
-/// The sums of numbers up to each.
+/// Returns the sums of the numbers up to and including each.
 pub(super) fn running_sums(numbers: impl Iterator<Item = f32>) -> Vec<f32> {
     let sums = numbers.scan(0.0, |sum, p| {
         *sum += p;
@@ -11,7 +11,8 @@ pub(super) fn running_sums(numbers: impl Iterator<Item = f32>) -> Vec<f32> {
     sums.collect()
 }
 
-/// Powers of lights over π, which for a triangle is area times radiance; those that are black for now count a little.
+/// Returns the powers of delta lights over π; for a triangle this is area times radiance. Each is at least 0.1 % of the
+/// largest, so that black lights count a little.
 pub(super) fn powers_of_lights(lights: &[DeltaLight], size: f64) -> impl Iterator<Item = f64> {
     let power = move |l: &DeltaLight| l.power(size);
     let largest = lights.iter().map(power).fold(0.0, f64::max);

@@ -1,11 +1,10 @@
-//! Probabilities of emitters.
+//! Tests of the probabilities of emitters.
 
 use super::*;
 use crate::model::v3;
 use crate::scene::LightKind;
 
-/// Emitters are drawn as often as their probabilities say, which add up to 1; what is left of the number is
-/// uniform.
+/// Emitters are drawn with their probabilities, which add up to 1, and the rest of the random number is uniform.
 #[test]
 fn emitters_are_drawn_with_their_probabilities() {
     let emitter = |k: u32| Emitter {
@@ -58,7 +57,7 @@ fn emitters_are_drawn_with_their_probabilities() {
     }
 }
 
-/// Triangles all over a cube, and lights of each kind.
+/// Returns triangles all over a cube, and a delta light of each kind.
 fn many() -> (Vec<Emitter>, Vec<DeltaLight>) {
     let mut seed = 1u32;
     let mut random = || {
@@ -94,8 +93,8 @@ fn many() -> (Vec<Emitter>, Vec<DeltaLight>) {
     (triangles, kinds.map(light).to_vec())
 }
 
-/// The same for a tree, from many places, with the groups that shadows are sampled for; and light over probability has
-/// less variance than by power.
+/// The same holds for a tree, at many points, and for the groups for which shadows are sampled. Light over probability
+/// has less variance than with probabilities by power.
 #[test]
 fn many_emitters_are_drawn_with_their_probabilities() {
     let (triangles, lights) = many();
@@ -149,7 +148,7 @@ fn many_emitters_are_drawn_with_their_probabilities() {
                 "{k}: {found} {wanted}"
             );
         }
-        // E[(light/chance)²], which is the square of the mean at best.
+        // E[(light/chance)²]. At best, it is the square of the mean.
         let brings = |k: usize| all.lists().brings(k as u32, &at);
         let facing = |k: usize| match all.light(k) {
             Some(i) => all.lights[i].seen_from(x).direction.dot(normal),
@@ -196,7 +195,7 @@ fn rays_meet_all_emitters() {
     assert!(count > 100, "{count}");
 }
 
-/// Kernels find the emitters that a ray hits one after another, the host all at once.
+/// Kernels visit the emitters that a ray hits one after another, and the host visits all at once.
 #[cfg(feature = "wgpu")]
 #[test]
 fn the_same_emitters_lie_along_a_ray() {

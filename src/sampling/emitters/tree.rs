@@ -1,5 +1,6 @@
-//! The choice of one of many emitters, by a tree over those that are somewhere, beside directional lights: in about the
-//! proportion of the light that they bring to a point (Conty Estevez and Kulla 2018).
+//! The choice of one of many emitters, by a tree over emitters with a position, beside directional lights.
+//! Probabilities are about in proportion to the light that the emitters bring to a point (Conty Estevez and Kulla
+//! 2018).
 
 #![allow(
     clippy::collapsible_if,
@@ -19,28 +20,30 @@ use crate::model::light_bounds::{Axes, Sphere};
 use crate::model::lists::first_over;
 use crate::model::{V3, v3};
 
-/// A tree over emitters, and directional lights. A share of [`BY_POWER`] is chosen by power, whatever the point.
+/// A tree over emitters with a position, and directional lights. A share [`BY_POWER`] of choices is by power, at any
+/// point.
 #[cfg_attr(feature = "wgpu", derive(CubeType))]
 #[derive(Clone, Copy)]
 pub(crate) struct LightTree<'a> {
-    /// Blocks of the eight branches of each node, [`BRANCH`] numbers each; then one whose first branch is all of them.
+    /// A block for each node, with [`BRANCH`] numbers for each of eight branches. One more block has all emitters as
+    /// its first branch.
     pub branches: &'a [f32],
-    /// [`OF_NODE`] for each node: its children, which are nodes, or emitters of a leaf; its parent, or [`NONE`], and
-    /// which branch of that it is; whether it is a leaf.
+    /// [`OF_NODE`] words for each node: its children (nodes, or the emitters of a leaf), its parent (or [`NONE`]), its
+    /// branch of the parent, and whether it is a leaf.
     pub nodes: &'a [u32],
     pub count: u32,
-    /// Two for each emitter: its node and branch, or [`NONE`] and its place among directional lights.
+    /// Two words for each emitter: its node and branch, or [`NONE`] and its index among the directional lights.
     pub places: &'a [u32],
     pub distant: &'a [u32],
     pub distant_count: u32,
-    /// Sums of the strengths of directional lights up to each, and how the directions to them lie.
+    /// Running sums of the strengths of directional lights, and moments of the directions towards them.
     pub sums: &'a [f32],
     pub axes: &'a [f32],
     /// Probabilities of emitters that do not depend on the point.
     pub fixed: Fixed<'a>,
 }
 
-/// Numbers of a branch: centre, radius, axes, power.
+/// The numbers of a branch: center, radius, axes, power.
 pub(super) const BRANCH: usize = 14;
 pub(super) const OF_NODE: usize = 11;
 pub(super) const PARENT: usize = 8;
@@ -73,7 +76,8 @@ impl Sphere {
 
 #[cfg_attr(feature = "wgpu", cube)]
 impl<'a> LightTree<'a> {
-    /// Weights of a node's branches: about the irradiance of a point, or power where all are 0. Returns their sum.
+    /// Computes weights of a node's branches and returns their sum. A weight is an estimate of the point's irradiance.
+    /// If all are 0, the weights are the powers.
     #[inline(always)]
     fn weigh(&self, node: u32, x: V3, normal: V3, weights: &mut [u32]) -> f32 {
         let block = self.block(node);
@@ -102,13 +106,13 @@ impl<'a> LightTree<'a> {
         &self.branches[first..first + LANES * BRANCH]
     }
 
-    /// Of a node: a child, or what follows them.
+    /// Returns a word of a node: a child, or one of the words after the children.
     #[inline(always)]
     pub fn word(&self, node: u32, k: usize) -> u32 {
         self.nodes[OF_NODE * node as usize + k]
     }
 
-    /// Whether a ray meets a branch.
+    /// Returns whether a ray meets the sphere of a branch.
     #[cfg(feature = "wgpu")]
     pub fn is_met(&self, node: u32, branch: u32, x: V3, direction: V3) -> bool {
         sphere(self.block(node), branch as usize).is_met(x, direction)
@@ -119,7 +123,7 @@ impl<'a> LightTree<'a> {
         self.word(node, IS_LEAF) != 0
     }
 
-    /// The parent of a node, or [`NONE`], and which branch of that it is.
+    /// Returns the parent of a node, or [`NONE`].
     #[inline(always)]
     pub fn parent(&self, node: u32) -> u32 {
         self.word(node, PARENT)
@@ -130,7 +134,7 @@ impl<'a> LightTree<'a> {
         self.word(node, PARENT + 1)
     }
 
-    /// The probability of directional lights.
+    /// Returns the probability of choosing among the directional lights.
     #[inline(always)]
     pub fn share_of_distant(&self, x: V3, normal: V3) -> f32 {
         let mut share = 1.0f32;
@@ -145,7 +149,7 @@ impl<'a> LightTree<'a> {
                 let strength = self.sums[(self.distant_count - 1) as usize];
                 let distant = strength * axes.facing(normal, 0.0);
                 let near = sphere(self.block(self.count), 0).irradiance(x, normal);
-                // Neither, as far as this sees: then any.
+                // Both estimates are 0, so either is possible.
                 share = 0.5f32;
                 if distant + near > 0.0 {
                     share = distant / (distant + near);
@@ -155,7 +159,8 @@ impl<'a> LightTree<'a> {
         share
     }
 
-    /// An emitter for a random number, where directional lights have a share; eight words are room for weights.
+    /// Chooses an emitter with a random number. `share` is the probability of directional lights, and `weights` has
+    /// room for eight words.
     #[inline(always)]
     pub fn choose(&self, u: f32, share: f32, x: V3, normal: V3, weights: &mut [u32]) -> Chosen {
         let mut chosen = Chosen {
@@ -184,7 +189,7 @@ impl<'a> LightTree<'a> {
         chosen
     }
 
-    /// One of those that are somewhere.
+    /// Chooses an emitter with a position.
     #[inline(always)]
     fn choose_near(&self, u: f32, x: V3, normal: V3, weights: &mut [u32]) -> Chosen {
         let mut rest = u;
@@ -223,7 +228,7 @@ impl<'a> LightTree<'a> {
         }
     }
 
-    /// The probability of a directional light among these.
+    /// Returns the probability of a directional light among the directional lights.
     #[inline(always)]
     fn among_distant(&self, i: u32) -> f32 {
         let mut before = 0.0f32;
@@ -233,14 +238,14 @@ impl<'a> LightTree<'a> {
         (self.sums[i as usize] - before) / self.sums[(self.distant_count - 1) as usize]
     }
 
-    /// The probability of an emitter.
+    /// Returns the probability of an emitter.
     #[inline(always)]
     pub fn chance(&self, k: u32, share: f32, x: V3, normal: V3, weights: &mut [u32]) -> f32 {
         let by_place = self.chance_by_place(k, false, share, x, normal, weights);
         (1.0 - BY_POWER) * by_place + BY_POWER * self.fixed.chances[k as usize]
     }
 
-    /// The probability of an emitter, or of the leaf that it is in, among those that are not chosen by power.
+    /// Returns the probability of an emitter, or of the leaf that contains it, in a choice that is not by power.
     #[inline(always)]
     pub fn chance_by_place(
         &self,
@@ -274,7 +279,7 @@ impl<'a> LightTree<'a> {
 }
 
 impl<'a> LightTree<'a> {
-    /// Where emitters are chosen otherwise.
+    /// Returns an empty tree, for scenes whose emitters are chosen otherwise.
     #[inline(always)]
     pub fn none(fixed: Fixed<'a>) -> Self {
         Self {
@@ -290,7 +295,7 @@ impl<'a> LightTree<'a> {
         }
     }
 
-    /// The branches of a node that a ray meets.
+    /// Returns which branches of a node a ray meets.
     #[inline(always)]
     pub fn met(&self, node: u32, x: V3, direction: V3) -> [bool; LANES] {
         let block = self.block(node);
