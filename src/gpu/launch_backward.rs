@@ -30,7 +30,7 @@ const MEASURED: usize = 4096;
 ///
 /// # Panics
 /// Panics if buffers cannot be allocated, if kernels cannot be compiled, if the device has no room for the edges on
-/// films or the table of pixels, or if a group of views has [`WHOLE`] or more edges or cells.
+/// films or the table of pixels, or if the index of an edge or of a cell reaches [`WHOLE`].
 pub(crate) fn gradient_of(
     device: &Device,
     upstream: &FloatTensor<Cube>,
@@ -157,7 +157,7 @@ impl<'a> Pass<'a> {
         while let Some(piece) = pieces.next() {
             self.add_paths(piece, &self.sums);
             self.count_searches(piece);
-            // The replicas of the last piece are added together with those of the first film samples.
+            // The replicas of the last piece are added together with the first film samples.
             if pieces.peek().is_some() || samples == 0 {
                 self.fold();
             }
@@ -186,7 +186,7 @@ impl<'a> Pass<'a> {
     fn measure(&self) {
         let paths = self.job.count().saturating_mul(self.job.samples as usize);
         let stride = self.job.count().div_ceil((paths / 16).max(MEASURED));
-        // Odd, so that it is not the distance of image columns.
+        // Odd, so that the measured pixels are not all in a few columns of the image.
         let stride = stride.max(1) | 1;
         let some = Piece {
             first: 0,

@@ -3,6 +3,7 @@
 mod adaptive;
 mod batch;
 mod cache;
+mod checks;
 mod debug;
 mod film;
 mod kernel;

@@ -1,6 +1,7 @@
 //! The options of a render.
 
 use std::fmt;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -10,16 +11,9 @@ use serde::{Deserialize, Serialize};
 use super::adaptive::MOST;
 use super::cache::HierarchyCache;
 use super::outputs::Outputs;
-use crate::error::{Error, Result};
 use crate::sampling::{Sampler, Sampling};
 use crate::scene::{Bounds, Normalization};
 use crate::tensors::Visibility;
-
-/// The maximum number of bounces of a path.
-const MOST_BOUNCES: u32 = 10_000;
-
-/// The maximum number of samples per pixel with adaptive sampling.
-const MOST_ADAPTIVE: u32 = 1 << 24;
 
 /// The program that computes a render. For cones and the same seed, all give the same image, up to rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -85,6 +79,8 @@ pub struct RenderOptions {
     pub adaptive: bool,
     /// See [`RenderOptions::adaptive_edges`].
     pub adaptive_edges: bool,
+    /// The index of a pass and the number of passes ([`RenderOptions::pass`]).
+    pub pass: Option<(u32, u32)>,
     /// See [`RenderOptions::bounds`].
     pub bounds: Option<Bounds>,
     /// The normalization to use if `bounds` is not set.
@@ -132,9 +128,9 @@ impl fmt::Debug for Progress {
 
 /// Defines methods that set one field each: `name(argument) field = value`.
 macro_rules! setters {
-    ($($(#[$doc:meta])* $name:ident($($argument:ident: $type:ty)?) $($field:ident).+ = $value:expr;)*) => {$(
+    ($($(#[$doc:meta])* $name:ident($($argument:ident: $type:ty),*) $($field:ident).+ = $value:expr;)*) => {$(
         $(#[$doc])*
-        pub fn $name(mut self $(, $argument: $type)?) -> Self {
+        pub fn $name(mut self $(, $argument: $type)*) -> Self {
             self.$($field).+ = $value;
             self
         }
@@ -158,6 +154,7 @@ impl RenderOptions {
             rays_per_tile: None,
             adaptive: false,
             adaptive_edges: true,
+            pass: None,
             bounds: None,
             normalization: None,
             outputs: Outputs::default(),
@@ -212,6 +209,27 @@ impl RenderOptions {
         /// number of samples. Gradients stay unbiased and reproducible. GPUs use the usual numbers, and so does a view
         /// in which the loss depends on fewer than 8,192 paths.
         adaptive_edges(adaptive: bool) adaptive_edges = adaptive;
+        /// Renders one of several passes over the image for progressive rendering: pass `index` of `passes` has its own
+        /// samples, `samples / passes` of each pixel, and the mean of the images of all passes is the image with all
+        /// samples, up to rounding. A program can thus show an image while it refines, or stop and resume.
+        ///
+        /// `samples` must be a multiple of `passes`. Gradients, adaptive sampling, the softmax and [`Engine::Tensors`]
+        /// return an error.
+        ///
+        /// ```
+        /// use softray::prelude::*;
+        /// let (room, camera) = cornell_box(&Device::flex());
+        /// let options = RenderOptions::new(16, 16).samples(64);
+        /// let whole = render(&room, &camera, &options)?.radiance;
+        /// let mut sum = Tensor::<3>::zeros([16, 16, 3], &Device::flex());
+        /// for pass in 0..4 {
+        ///     sum = sum + render(&room, &camera, &options.clone().pass(pass, 4))?.radiance;
+        ///     let _preview = sum.clone() / f64::from(pass + 1);
+        /// }
+        /// assert!((sum / 4.0 - whole).abs().max().into_scalar::<f32>() < 1e-5);
+        /// # Ok::<(), softray::Error>(())
+        /// ```
+        pass(index: u32, passes: u32) pass = Some((index, passes));
         /// Sets the maximum number of camera rays per tile, at least 1. It bounds the memory of a render without
         /// gradient: each host thread processes one tile at a time. By default host kernels use 8,192, and tensors
         /// choose it from the number of triangles that they pair with a ray. Kernels on a GPU ignore it.
@@ -297,80 +315,11 @@ impl RenderOptions {
         self
     }
 
-    /// Checks that images with `pixels` pixels in total are within the memory limit.
-    pub(super) fn check_memory(&self, pixels: u128) -> Result<()> {
-        let o = self.outputs;
-        let channels = [(true, 3), (o.opacity, 1), (o.depth, 1), (o.normals, 3)];
-        let channels: u128 = channels.iter().filter(|c| c.0).map(|c| c.1).sum();
-        let bytes = 4 * channels * pixels;
-        if bytes <= u128::from(self.memory_limit) {
-            return Ok(());
-        }
-        let expected = format!(
-            "images within {:.1} GB (RenderOptions::memory_limit); they take {:.1} GB",
-            self.memory_limit as f64 / 1e9,
-            bytes as f64 / 1e9
-        );
-        Err(self.size_error(expected))
-    }
-
-    pub(super) fn size_error(&self, expected: impl Into<String>) -> Error {
-        let size = format!("{} × {}", self.width, self.height);
-        Error::invalid("options", "width × height", size, expected)
-    }
-
-    /// Checks that all values are in their ranges.
-    pub(crate) fn check(&self) -> Result<()> {
-        let wrong = |field, value: &dyn ToString, expected: &str| {
-            Err(Error::invalid(
-                "options",
-                field,
-                value.to_string(),
-                expected,
-            ))
-        };
-        for (field, value) in [
-            ("width", self.width),
-            ("height", self.height),
-            ("samples", self.samples as usize),
-            ("rays_per_tile", self.rays_per_tile.unwrap_or(1)),
-        ] {
-            if value == 0 {
-                return wrong(field, &value, "at least 1");
-            }
-        }
-        if self.width.saturating_mul(self.height) > u32::MAX as usize {
-            return Err(self.size_error("at most 2³² − 1 pixels"));
-        }
-        if self.bounces > MOST_BOUNCES {
-            let surfaces = u64::from(self.bounces) + 1;
-            let most =
-                format!("at most {MOST_BOUNCES}; a path would go on for up to {surfaces} surfaces");
-            return wrong("bounces", &self.bounces, &most);
-        }
-        if !(self.cutoff > 0.0 && self.cutoff < 0.5) {
-            return wrong("cutoff", &self.cutoff, "a number in (0, 0.5)");
-        }
-        self.visibility.check()?;
-        if self.engine == Engine::Kernels && self.visibility.is_softmax() {
-            return wrong("engine", &"Kernels", "Auto or Tensors for the softmax");
-        }
-        if self.adaptive && (self.visibility.is_softmax() || self.engine == Engine::Tensors) {
-            let expected = "false for the softmax and Engine::Tensors";
-            return wrong("adaptive", &true, expected);
-        }
-        if self.adaptive && self.samples > MOST_ADAPTIVE {
-            let expected = "at most 2²⁴ with adaptive sampling";
-            return wrong("samples", &self.samples, expected);
-        }
-        if let Some(b) = self.bounds {
-            let is_box = b.size().iter().all(|&s| s >= 0.0) && b.radius().is_finite();
-            if !(is_box && b.radius() > 0.0 && b.center().iter().all(|c| c.is_finite())) {
-                let expected = "a finite box, min <= max, that is more than a point";
-                return wrong("bounds", &format!("{b:?}"), expected);
-            }
-        }
-        Ok(())
+    /// The samples of a pixel that are rendered.
+    pub(super) fn sample_range(&self) -> Range<u32> {
+        let (index, passes) = self.pass.unwrap_or((0, 1));
+        let each = self.samples / passes;
+        each * index..each * (index + 1)
     }
 }
 

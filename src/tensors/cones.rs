@@ -1,5 +1,5 @@
-//! Cones: their rays hit hard surfaces, found by boxes on the host. The choice of the surface carries no
-//! gradient; the kernels' jumps are the derivative of visibility.
+//! Cones, whose rays hit hard surfaces. The host computes the hits with a BVH. The choice of the surface carries no
+//! gradient; the boundary term of the kernels is the derivative of visibility.
 
 use std::sync::Arc;
 
@@ -18,14 +18,14 @@ use crate::model::cone::{Bend, bend, lifted, up_to_plane};
 use crate::sampling::{Dimensions, Four, Sampler};
 use crate::scene::Holes;
 
-/// Paths (pixel, sample) at a bounce, which random numbers belong to.
+/// Paths (pixel, sample) at a bounce, which are keys of random numbers.
 #[derive(Clone, Copy)]
 pub(crate) struct AtBounce<'a> {
     pub paths: &'a [(u32, u32)],
     pub bounce: u32,
 }
 
-/// Cones of one half-angle, and the triangles that their rays meet.
+/// Cones of one half-angle, and the triangles that their rays hit.
 pub(crate) struct Cones {
     hierarchy: Arc<Hierarchy>,
     holes: Option<Arc<Holes>>,
@@ -36,7 +36,7 @@ pub(crate) struct Cones {
 }
 
 impl Cones {
-    /// `sampler` is that of the render.
+    /// `sampler` is the render's sampler.
     pub fn new(
         hierarchy: Arc<Hierarchy>,
         holes: Option<Arc<Holes>>,
@@ -56,7 +56,7 @@ impl Cones {
         self.hierarchy.clone()
     }
 
-    /// Random numbers for the cones of a bounce (two) and of a shadow ray (two).
+    /// Returns two random numbers for the cone of a bounce ray, then two for the cone of a shadow ray.
     fn numbers(&self, at: AtBounce, i: usize) -> Four {
         if self.tangent == 0.0 {
             return Four::default();
@@ -66,7 +66,7 @@ impl Cones {
         numbers.numbers(Dimensions::of_set(at.bounce))
     }
 
-    /// The side's normal of the surface that a ray leaves, if it leaves one.
+    /// Returns the normal, on the ray's side, of the surface that a ray leaves, if it leaves one.
     fn normal(&self, ray: &HostRay) -> Option<V3> {
         let normal = V3::from(self.hierarchy.triangles[ray.departure? as usize].normal);
         let side = if normal.dot(ray.direction.into()) < 0.0 {
@@ -77,7 +77,7 @@ impl Cones {
         Some(normal * side)
     }
 
-    /// The triangle that each ray hits, which fills it.
+    /// Returns the triangle that each ray hits, which covers the whole ray.
     pub fn nearest(&self, rays: &Rays) -> Result<Vec<Option<List>>> {
         let of = |ray: &HostRay| {
             let origin = V3::from(ray.origin);
@@ -99,8 +99,8 @@ impl Cones {
         Ok(hits.iter().map(|hit| Some(of(hit))).collect())
     }
 
-    /// Directions of the cones about those that were drawn at surface points, in the graph: what is added
-    /// to an axis stays as it is.
+    /// Bends the directions that were sampled at surface points, each within its cone. The result is tracked with the
+    /// axes. The offset from an axis is constant.
     pub fn bend(
         &self,
         context: &Context,
@@ -134,8 +134,8 @@ impl Cones {
         Ok(direction.sub(&normal.scale(&along)))
     }
 
-    /// 1 for shadow rays that nothing blocks, bent about their directions; 0 for the others and for those
-    /// that aren't needed. Rays that arrive at an emitter end at its plane.
+    /// Returns 1 for shadow rays without an occluder, and 0 for the others and for rays that are not `needed`. Rays are
+    /// bent about their directions. Rays to an emitter end at the emitter's plane.
     pub fn unblocked(
         &self,
         context: &Context,
@@ -154,7 +154,7 @@ impl Cones {
             let direction = bend(axis, normal, self.tangent, u, v).direction;
             let limit = ray.distance.map_or(f32::INFINITY, |distance| {
                 let emitter = ray.emitter.map(|e| &self.hierarchy.triangles[e as usize]);
-                // A light without a surface has its plane across the direction to it.
+                // The plane of a delta light is perpendicular to the direction towards the light.
                 let normal = emitter.map_or(-axis, |e| e.normal.into());
                 up_to_plane(start, direction, normal, origin + axis * distance as f32)
             });

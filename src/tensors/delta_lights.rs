@@ -1,4 +1,4 @@
-//! Light of delta lights at surface points.
+//! Direct light of delta lights at surface points.
 
 use super::bsdf::scattered;
 use super::lights::ChosenLight;
@@ -11,11 +11,11 @@ use crate::scene::LightKind;
 
 /// The distance of a directional light.
 const FAR: f64 = 1e30;
-/// The least difference of the cosines between which a spot falls off.
+/// The least difference of the cosines between which a spot light falls off.
 const NARROW: f64 = 1e-3;
 
-/// Light from one light at each surface point, over its probability: planes of f·cos θ·intensity·falloff/r²·T, or
-/// f·cos θ·irradiance·T.
+/// Returns light from one delta light at each surface point, over its probability: planes of f·cos
+/// θ·intensity·falloff/r²·T, or of f·cos θ·irradiance·T.
 pub(super) fn from_delta_lights(
     tracer: &Tracer,
     shaded: Shaded,

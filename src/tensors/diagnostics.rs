@@ -6,34 +6,35 @@ use super::softmax::{Weights, grazing};
 use crate::error::Result;
 use crate::geometry::{Vec3, detached, host_values};
 
-/// Counts of degenerate cases in a render. Of cones, which have neither weights nor parallel hits, triangles
-/// and light alone are counted. For the softmax counting reads back from the device: it costs time, and nothing
-/// where it isn't asked for.
+/// Counts of degenerate cases in a render.
+///
+/// Cones have neither weights nor parallel hits, so their kernels count only triangles and light. For the softmax,
+/// counting reads data back from the device and takes time. Renders without counting have no such cost.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Diagnostics {
-    /// Triangles without area: no ray meets them.
+    /// Triangles without area, which no ray hits.
     pub degenerate_triangles: u64,
-    /// Pairs of camera or bounce ray and triangle that are too parallel to count (|n·d| ≤ 1e-6 in
-    /// f32, 1e-9 in f64).
+    /// Pairs of a primary or bounce ray and a triangle that are too parallel to count (|n·d| ≤ 1e-6 in f32, 1e-9 in
+    /// f64).
     pub parallel_pairs: u64,
     /// NaN or infinite weights of surfaces.
     pub non_finite_weights: u64,
     /// NaN or infinite throughputs of paths.
     pub non_finite_throughputs: u64,
-    /// NaN or infinite values of light brought back by paths.
+    /// NaN or infinite values of the light that paths contribute.
     pub non_finite_light: u64,
-    /// The mean of 1/ΣW² over camera and bounce rays, background included: how many surfaces a draw
-    /// chooses from. 1 where nothing is blurred.
+    /// The mean of 1/ΣW² over primary and bounce rays, including the background: the effective number of surfaces among
+    /// which a draw chooses. It is 1 without blur.
     pub effective_surfaces: f64,
-    /// The largest throughput of a path: far over 1, few paths carry the image.
+    /// The largest throughput of a path. If it is far over 1, few paths dominate the image.
     pub largest_throughput: f64,
-    /// Rays that `effective_surfaces` is the mean of.
+    /// The number of rays in the mean of `effective_surfaces`.
     pub(crate) rays: u64,
 }
 
 impl Diagnostics {
-    /// Both together.
+    /// Merges other counts into these.
     pub(crate) fn merge(&mut self, other: &Self) {
         let rays = (self.rays + other.rays).max(1) as f64;
         self.effective_surfaces = (self.effective_surfaces * self.rays as f64
@@ -48,7 +49,7 @@ impl Diagnostics {
         self.largest_throughput = self.largest_throughput.max(other.largest_throughput);
     }
 
-    /// Counts the weights of a bundle of rays.
+    /// Counts the weights of a batch of rays.
     pub(crate) fn weights(
         &mut self,
         weights: &Weights,
@@ -56,7 +57,7 @@ impl Diagnostics {
         valid: &Tensor<2, Bool>,
     ) -> Result<()> {
         let delta = grazing(cosines.dtype());
-        // Degenerate triangles were replaced by one whose cosine says nothing.
+        // Degenerate triangles were replaced by one whose cosine has no meaning.
         let parallel = cosines.clone().abs().lower_equal_elem(delta);
         let parallel = parallel.bool_and(valid.clone().expand(cosines.dims()));
         let n = weights.background.dims()[1] as u64;
@@ -76,7 +77,7 @@ impl Diagnostics {
         Ok(())
     }
 
-    /// Looks at the throughputs of paths.
+    /// Counts the throughputs of paths that are not finite, and updates the largest.
     pub(crate) fn throughput(&mut self, throughput: &Vec3) -> Result<()> {
         for plane in [&throughput.x, &throughput.y, &throughput.z] {
             self.non_finite_throughputs += count_non_finite(plane)?;
@@ -89,7 +90,7 @@ impl Diagnostics {
         Ok(())
     }
 
-    /// Looks at the light that paths bring back.
+    /// Counts the light of paths that is not finite.
     pub(crate) fn light(&mut self, light: &Vec3) -> Result<()> {
         for plane in [&light.x, &light.y, &light.z] {
             self.non_finite_light += count_non_finite(plane)?;

@@ -1,4 +1,4 @@
-//! Light from points of emitters and from an environment map at surface points.
+//! Direct light at surface points, from points of emitters and from an environment map.
 
 use burn::tensor::Tensor;
 
@@ -14,10 +14,12 @@ use crate::geometry::{Vec3, detached, gather_row, host_values, host_vectors};
 use crate::model::v3;
 use crate::sampling::Dimensions;
 
-/// Light from one point of one emitter triangle at each surface point: planes of
-/// f·cos θ·cos θ_e/r²·L_e·T over the density. With `scattered`, the direction in which each path goes
-/// on and whether it is to be used, also from the emitters that lie there (the power heuristic), as
-/// rows of some paths. Empty where the scene has no emitter.
+/// Returns light from one point of one emitter at each surface point, as planes of f·cos θ·cos θ_e/r²·L_e·T over the
+/// density. Each result holds the indices of its paths, or `None` for all. The list is empty if the scene has no
+/// emitter.
+///
+/// `scattered` holds the direction in which each path continues, and whether it is used. If given, light from the
+/// emitters in these directions is added (MIS by the power heuristic).
 pub(super) fn connect(
     tracer: &Tracer,
     shaded: Shaded,
@@ -80,18 +82,18 @@ pub(super) fn connect(
     Ok(found)
 }
 
-/// The divisor of a sample under the power heuristic of two strategies: w₁ = p₁²/(p₁² + p₂²)
-/// makes that (p₁² + p₂²)/p₁ (Veach and Guibas 1995, β = 2).
+/// Returns the divisor of a sample under the power heuristic of two strategies: the weight w₁ = p₁²/(p₁² + p₂²) makes
+/// it (p₁² + p₂²)/p₁ (Veach and Guibas 1995, β = 2).
 fn power_heuristic(a: Tensor<2>, b: Tensor<2>, is_b: bool) -> Tensor<2> {
     let own = if is_b { b.clone() } else { a.clone() };
     (a.clone() * a + b.clone() * b) / own.clamp_min(1e-30)
 }
 
-/// Light from a point of an emitter at each surface point, over its density. With two strategies for points,
-/// `combined` says whether these were found by the second, scattering, and for which paths that is used.
+/// Returns light from a point of an emitter at each surface point, over its density. If two strategies sample points,
+/// `combined` states whether the second (scattering) sampled these, and for which paths it is used.
 ///
-/// Densities carry no gradient: what they estimate is an integral over the emitters' own area, in which the
-/// points are fixed and move with the geometry.
+/// Densities carry no gradient. They estimate an integral over the emitters' own area, in which the points are fixed
+/// and move with the geometry.
 fn arriving(
     tracer: &Tracer,
     shaded: Shaded,
@@ -105,7 +107,7 @@ fn arriving(
     let row = |f: fn(&Chosen) -> f64| context.row(&chosen.iter().map(f).collect::<Vec<_>>());
     let emitter: Vec<u32> = chosen.iter().map(|c| c.emitter).collect();
     let index = context.index_row(&emitter);
-    // The points, at the times of the paths.
+    // The points at the shutter times of the paths.
     let (b, c) = (row(|c| c.weights[0]), row(|c| c.weights[1]));
     let a = (b.clone() + c.clone()).neg() + 1.0;
     let corners = &scene.triangles.corners;
@@ -116,7 +118,7 @@ fn arriving(
         light = light.add(&velocity.gather(&index).scale(time));
     }
     let to_light = light.sub(&points.position);
-    // A light that touches the receiver is held off by the distance under which hits don't count.
+    // The distance to a light that touches the receiver is at least `t_min`, the least distance of a hit.
     let squared = to_light
         .dot(&to_light)
         .clamp_min((tracer.t_min() * tracer.t_min()).max(1e-37));
@@ -139,8 +141,8 @@ fn arriving(
     let emission = emission(scene, &materials, &of_material, &uv, &cosine)?;
     let mut shadow = points.ray(direction, time.clone());
     shadow.arrival = Some((emitter, detached(&distance)));
-    // Where the light or the surface faces away, or the surface reflects nothing there, nothing
-    // arrives whatever is in between.
+    // If the light or the surface faces away, or if the surface reflects nothing in this direction, no light arrives,
+    // with or without an occluder.
     let reflected = scattered(context, points, incoming, &shadow.direction)?;
     let dense = matches!(tracer.transport.sight, Sight::Softmax(_, None));
     let needed = if !dense {
@@ -164,7 +166,8 @@ fn arriving(
         }
         None => per_area,
     };
-    // In units of the emitter's area, without gradient: the points stay where they are on it.
+    // The density is in units of the emitter's area. It carries no gradient, since the points stay fixed on the
+    // emitter.
     let mut density = row(|c| c.chance);
     if let Some((by_scattering, used)) = combined {
         let used: Vec<f64> = used.iter().map(|&u| f64::from(u8::from(u))).collect();
@@ -175,9 +178,9 @@ fn arriving(
     Ok(reflected.mul(&light))
 }
 
-/// Light from an environment map at each surface point along two directions, one drawn from the map
-/// and the one in which the path goes on (the power heuristic), as rows of some paths. Directions
-/// carry no gradient: the integral is over a fixed sphere.
+/// Returns light from an environment map at each surface point along two directions: one sampled from the map, and the
+/// one in which the path continues (MIS by the power heuristic). Each result holds the indices of its paths. Directions
+/// carry no gradient, since the integral is over a fixed sphere.
 pub(super) fn from_map(
     tracer: &Tracer,
     map: &SkyMap,
@@ -212,7 +215,7 @@ fn along(
 ) -> Result<Option<(Option<Vec<u32>>, Vec3)>> {
     let context = &tracer.scene().context;
     let towards = Vec3::from_host(context, directions);
-    // Where nothing is reflected no ray is traced.
+    // No ray is traced where nothing is reflected.
     let incoming = shaded.rays.direction.detached();
     let points = shaded.points.detached();
     let which = nonzero(&scattered(context, &points, &incoming, &towards)?)?;

@@ -1,4 +1,4 @@
-//! What emitters emit, in tensors.
+//! The emission of materials, in tensors.
 
 use burn::tensor::{Int, Tensor};
 
@@ -7,8 +7,8 @@ use crate::error::Result;
 use crate::geometry::{Vec3, detached};
 use crate::scene::{Channel, Flattened};
 
-/// What materials emit where their textures have these coordinates, at cosines to the normals of their fronts: from behind
-/// nothing.
+/// Returns the emission of materials at texture coordinates `uv`. `cosine` is the cosine to the normal of the front.
+/// From behind, the emission is 0.
 pub(super) fn emission(
     scene: &Flattened,
     materials: &[u32],

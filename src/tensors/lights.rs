@@ -1,5 +1,5 @@
-//! Emitters of the tensor program: the choice of the one that a surface point is connected to is the kernels' own,
-//! on the host, and carries no gradient.
+//! Emitters of the tensor program. The code of the kernels chooses the emitter for next-event estimation, on the host.
+//! The choice carries no gradient.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -22,12 +22,12 @@ pub(crate) struct Lights {
     pub(super) emitters: Emitters,
 }
 
-/// The points that emitters are chosen for.
+/// The points for which emitters are chosen.
 pub(crate) struct Views {
     pub position: Vec<DVec3>,
-    /// The side's normal.
+    /// The geometric normals on the side that the rays came from.
     pub normal: Vec<DVec3>,
-    /// Time in the shutter, if anything moves.
+    /// The shutter times, if anything moves.
     pub time: Option<Vec<f64>>,
 }
 
@@ -41,32 +41,32 @@ impl Views {
     }
 }
 
-/// A delta light that a path is connected to.
+/// A delta light to which a path is connected.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ChosenLight {
     pub path: u32,
-    /// Its place among these lights.
+    /// The index among the delta lights.
     pub light: u32,
-    /// Probability of the light among all emitters.
+    /// The probability of the light among all emitters.
     pub chance: f64,
 }
 
-/// A point of an emitter that a path is connected to.
+/// A point of an emitter to which a path is connected.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chosen {
     pub path: u32,
-    /// The triangle of the scene, and the weights of its corners b and c.
+    /// The triangle's number in the scene, and the weights of its corners b and c.
     pub emitter: u32,
     pub weights: [f64; 2],
-    /// Probability of the emitter when emitters are chosen.
+    /// The probability with which light sampling chooses the emitter.
     pub chance: f64,
 }
 
-/// Rays a piece of work.
+/// The least number of rays in a piece of work.
 const PIECE: usize = 512;
 
 impl Lights {
-    /// Reads the emitters back.
+    /// Reads the emitters back from the device.
     pub fn new(scene: &Flattened, sampling: EmitterSampling) -> Result<Self> {
         let moves = scene.triangles.velocity.is_some();
         let size = scene.lights.as_ref().map_or(1.0, |l| l.size);
@@ -75,7 +75,7 @@ impl Lights {
         Ok(Self { emitters })
     }
 
-    /// A point of an emitter, or a delta light, for each pair of random numbers.
+    /// Returns a point of an emitter, or a delta light, for each pair of random numbers.
     pub(super) fn choose(
         &self,
         views: Option<&Views>,
@@ -111,7 +111,7 @@ impl Lights {
             .partition_map(|either| either)
     }
 
-    /// The points on the fronts of emitters that rays hit, were nothing in between.
+    /// Returns the points where rays hit the fronts of emitters, regardless of occluders.
     pub(super) fn intersect(&self, views: &Views, directions: &[DVec3]) -> Vec<Chosen> {
         let emitters = &self.emitters;
         let one = |i: usize| {
@@ -132,7 +132,7 @@ impl Lights {
     }
 }
 
-/// The triangles that emit, read back.
+/// Reads back the emitting triangles.
 fn triangles(scene: &Flattened) -> Result<Vec<Emitter>> {
     let index = &scene.emitters;
     if index.is_empty() {
@@ -190,7 +190,7 @@ fn triangles(scene: &Flattened) -> Result<Vec<Emitter>> {
     Ok(all.filter(|e| e.area > 0.0).collect())
 }
 
-/// The delta lights, read back.
+/// Reads back the delta lights.
 fn read_back(planes: &LightPlanes) -> Result<Vec<DeltaLight>> {
     let (position, axis) = (host_vectors(&planes.position)?, host_vectors(&planes.axis)?);
     let strength = host_vectors(&planes.strength)?;
@@ -209,7 +209,7 @@ fn read_back(planes: &LightPlanes) -> Result<Vec<DeltaLight>> {
     Ok((0..position.len()).map(one).collect())
 }
 
-/// An environment, with the host-side tables of a map.
+/// An environment: a constant radiance, or a map with its tables on the host.
 pub(crate) enum Sky {
     /// `[1, 1]` planes.
     Constant(Vec3),
@@ -223,7 +223,7 @@ pub(crate) struct SkyMap {
     drawn: SkyDensity,
 }
 
-/// The place of a direction in a map: texels, bilinear weights, and their derivatives by it.
+/// The position of a direction in a map: texels, bilinear weights, and their derivatives with respect to the direction.
 struct LookUp {
     texels: [usize; 4],
     weights: [f64; 4],
@@ -233,7 +233,7 @@ struct LookUp {
 }
 
 impl Sky {
-    /// Reads the map back, if there is one. None where nothing shines.
+    /// Reads the map back, if there is one. Returns `None` for a scene without an environment.
     pub fn new(scene: &Flattened) -> Result<Option<Self>> {
         match &scene.environment {
             None => Ok(None),
@@ -242,7 +242,7 @@ impl Sky {
         }
     }
 
-    /// The map, if it is one.
+    /// Returns the map, if the environment is one.
     pub fn map(&self) -> Option<&SkyMap> {
         match self {
             Self::Constant(_) => None,
@@ -250,8 +250,8 @@ impl Sky {
         }
     }
 
-    /// Radiance along directions: planes `[1, N]`, or `[1, 1]` where it is the same for all; in the
-    /// graph for texels and directions.
+    /// Returns the radiance along directions, tracked with texels and directions: planes `[1, N]`, or `[1, 1]` if it is
+    /// the same for all.
     pub fn radiance(&self, context: &Context, direction: &Vec3) -> Result<Vec3> {
         match self {
             Self::Constant(radiance) => Ok(radiance.clone()),
@@ -298,7 +298,7 @@ impl SkyMap {
         }
     }
 
-    /// Radiance along directions `[1, N]`, in the graph for texels and directions.
+    /// Returns the radiance along directions `[1, N]`, tracked with texels and directions.
     pub fn radiance(&self, context: &Context, direction: &Vec3) -> Result<Vec3> {
         let host = host_vectors(direction)?;
         let found: Vec<LookUp> = host.iter().map(|&d| self.look_up(d)).collect();
@@ -335,7 +335,7 @@ impl SkyMap {
         Ok(radiance)
     }
 
-    /// Directions for pairs of random numbers, with their densities per solid angle.
+    /// Samples directions with pairs of random numbers. Returns them with their densities per solid angle.
     pub fn choose(&self, u: &[f64], v: &[f64]) -> (Vec<DVec3>, Vec<f64>) {
         let one = |(&u, &v): (&f64, &f64)| {
             let (d, density) = self.drawn.choose(u as f32, v as f32);
@@ -344,13 +344,13 @@ impl SkyMap {
         u.iter().zip(v).map(one).unzip()
     }
 
-    /// The density per solid angle with which a direction is drawn.
+    /// Returns the density per solid angle with which a direction is sampled.
     pub fn density(&self, d: DVec3) -> f64 {
         self.drawn.density(d.into()).into()
     }
 }
 
-/// The indices of light that is not black.
+/// Returns the indices of light that is not black.
 pub(crate) fn nonzero(light: &Vec3) -> Result<Vec<u32>> {
     let sum = detached(&light.x).abs() + detached(&light.y).abs() + detached(&light.z).abs();
     let values = host_values(&sum)?;

@@ -1,11 +1,12 @@
-//! The renderer as chains of tensor operations, with burn's derivatives. To be read in this order:
+//! The renderer as tensor operations, whose derivatives burn computes. Suggested order of reading:
 //!
-//! 1. `visibility`: what a user chooses; `rays` are what is traced.
+//! 1. `visibility`: the user's choice; `rays`: the rays that are traced.
 //! 2. `softmax`: the paper's form, Eq. 1 to 3; `cones`: hard surfaces, the specification of the kernels.
-//! 3. `path`: the loop over the bounces of a path, with its state in `paths`; `tracer` has either form of visibility for it.
-//! 4. `surface`: points of surfaces; `bsdf`: what they scatter.
-//! 5. `direct`: light of emitters and maps at surface points (`shaded`), and of `delta_lights`; `lights` chooses among
-//!    them; `seen` is the light that camera rays see.
+//! 3. `path`: the loop over the bounces of a path, with its state in `paths`; `tracer`: either form of visibility for
+//!    it.
+//! 4. `surface`: points of surfaces; `bsdf`: their BSDFs.
+//! 5. `direct`: light of emitters and maps at surface points (`shaded`); `delta_lights`: light of delta lights;
+//!    `lights`: the choice among them; `seen`: the light that primary rays see.
 
 mod bsdf;
 mod cones;

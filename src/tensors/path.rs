@@ -19,13 +19,13 @@ use crate::geometry::Vec3;
 use crate::sampling::SurfaceSampling;
 use crate::scene::Flattened;
 
-/// The light of a tile's paths; rows `[1, N]`.
+/// The light of a tile's paths, in rows `[1, N]`.
 pub(crate) struct Radiance {
     pub radiance: Vec3,
-    /// The shares of surfaces in the camera rays, with those rays.
+    /// The shares of surfaces in the primary rays, with these rays.
     pub first: Shares,
     pub statistics: RayStatistics,
-    /// Counts of degenerate cases, if they were asked for.
+    /// Counts of degenerate cases, if requested.
     pub diagnostics: Option<Diagnostics>,
 }
 
@@ -33,7 +33,7 @@ pub(crate) struct Radiance {
 struct Draw {
     bounce: u32,
     slots: Vec<u32>,
-    /// The part of its slot that a path stands for, where that is not all.
+    /// The fraction of its slot that each path represents. `None` stands for 1.
     share: Option<Vec<f64>>,
     ratio: Tensor<2>,
 }
@@ -42,19 +42,19 @@ struct Draw {
 struct Tracing<'a> {
     tracer: Tracer<'a>,
     batch: PathBatch,
-    /// The map that light is gathered from along directions drawn from it as well.
+    /// The map, if its light is added both along directions sampled from it and along scattered directions.
     map: Option<&'a SkyMap>,
-    /// Other environments, whose light is gathered where bounce rays miss.
+    /// Other environments, whose light is added where bounce rays miss.
     sky: Option<&'a Sky>,
     found: Vec<Contribution>,
     draws: Vec<Draw>,
-    /// The shares of surfaces in the camera rays, and the light that these see.
+    /// The shares of surfaces in the primary rays, and the light that these rays see.
     first: Option<Shares>,
     seen: Option<Vec3>,
 }
 
-/// Radiance along camera rays, each of the path (pixel, sample); `per_pixel` consecutive paths
-/// belong to one pixel.
+/// Returns the radiance along primary rays, each of which belongs to a path (pixel, sample). `per_pixel` consecutive
+/// paths belong to one pixel.
 pub(crate) fn trace<'a>(
     transport: Transport<'a>,
     rays: Rays,
@@ -121,14 +121,14 @@ pub(crate) fn trace<'a>(
     tracing.finish(paths.len(), per_pixel)
 }
 
-/// Whether a triangle (none, past the last) reflects light.
+/// Returns whether a triangle reflects light. Indices past the last triangle reflect none.
 fn reflects(scene: &Flattened, triangle: u32) -> bool {
     let material = scene.topology.material.get(triangle as usize);
     material.is_some_and(|&m| scene.materials.kinds[m as usize].reflects)
 }
 
 impl<'a> Tracing<'a> {
-    /// The surfaces that paths go on from; the number of triangles stands for the background.
+    /// Returns the surfaces from which paths continue. The number of triangles stands for the background.
     fn draw(&mut self, bounce: u32, dark: bool) -> Result<Vec<u32>> {
         let Self { tracer, batch, .. } = self;
         let scene = tracer.scene();
@@ -167,7 +167,7 @@ impl<'a> Tracing<'a> {
         Ok(drawn)
     }
 
-    /// Adds the environment's light on paths that drew the background. Camera rays have seen it.
+    /// Adds the environment's light to paths that drew the background. For primary rays, `seen` contains it.
     fn environment_on_miss(&mut self, bounce: u32, drawn: &[u32]) -> Result<()> {
         let Some(sky) = self.sky.filter(|_| bounce > 0) else {
             return Ok(());
@@ -189,8 +189,8 @@ impl<'a> Tracing<'a> {
         Ok(())
     }
 
-    /// Adds the light that arrives at surface points from emitters and the map, and samples the directions in
-    /// which paths go on, if they do.
+    /// Adds direct light from emitters and the map, and samples the directions in which paths continue. Returns `None`
+    /// if they do not continue.
     fn direct_light(&mut self, points: &SurfacePoints, bounce: u32) -> Result<Option<Scatter>> {
         let Self { tracer, batch, .. } = self;
         let Transport {
@@ -201,7 +201,7 @@ impl<'a> Tracing<'a> {
         } = tracer.transport;
         let context = &scene.context;
         let (rays, paths) = (&batch.rays, &batch.paths);
-        // Points on emitters are found well from a matt surface without its help.
+        // On matt surfaces, light sampling alone serves points on emitters well.
         let glossy: Vec<bool> = (points.triangle.iter())
             .map(|&k| scene.materials.kinds[scene.topology.material[k as usize] as usize].glossy)
             .collect();
@@ -248,7 +248,7 @@ impl<'a> Tracing<'a> {
         Ok(())
     }
 
-    /// Adds the environment's share of the direct light at the last hit.
+    /// Adds the environment's part of the direct light at the last hit.
     fn environment_at_end(&mut self, bounce: u32) -> Result<()> {
         if let Some(sky) = self.sky {
             let context = &self.tracer.scene().context;
@@ -297,7 +297,7 @@ impl<'a> Tracing<'a> {
     }
 }
 
-/// Contributions of a bounce and all later ones, added up by path.
+/// Sums up the contributions of a bounce and all later ones by path.
 fn whole(scene: &Flattened, found: &[Contribution], from: u32, count: usize) -> Vec3 {
     let zero = Tensor::<2>::zeros([1, count], (&scene.context.device, scene.context.dtype));
     let mut sum = Vec3::new(zero.clone(), zero.clone(), zero);
@@ -307,10 +307,9 @@ fn whole(scene: &Flattened, found: &[Contribution], from: u32, count: usize) -> 
     sum
 }
 
-/// A term of value 0 that lowers the variance of the gradient of a draw. The derivative of a
-/// drawn weight has an expectation of 0 whatever it is multiplied by, as long as that does not
-/// depend on the draw: so the mean of what the pixel's *other* paths brought back is taken off
-/// (a leave-one-out baseline of the score-function estimator).
+/// Returns a term of value 0 that lowers the variance of the gradient of a draw. The derivative of a drawn weight,
+/// times any factor that does not depend on the draw, has an expectation of 0. So the mean contribution of the pixel's
+/// *other* paths is subtracted (a leave-one-out baseline of the score-function estimator).
 fn control_variate(scene: &Flattened, draw: &Draw, later: &Vec3, per_pixel: usize) -> Option<Vec3> {
     if per_pixel < 2 {
         return None;

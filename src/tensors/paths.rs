@@ -1,4 +1,4 @@
-//! The paths of a tile that are on their way, and the light that they bring back.
+//! The active paths of a tile, and the light that they contribute.
 
 use burn::tensor::Tensor;
 
@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached, host_values};
 use crate::sampling::Dimensions;
 
-/// Ends paths at random in proportion to their throughput, and returns those that go on.
+/// Applies Russian roulette, in which paths survive in proportion to their throughput. Returns the survivors.
 pub(super) fn roulette(tracer: &Tracer, batch: &mut PathBatch, bounce: u32) -> Result<Vec<u32>> {
     let count = batch.paths.len() as u32;
     let Some(current) = &mut batch.throughput else {
@@ -18,7 +18,7 @@ pub(super) fn roulette(tracer: &Tracer, batch: &mut PathBatch, bounce: u32) -> R
     let largest = detached(&current.x)
         .max_pair(detached(&current.y))
         .max_pair(detached(&current.z));
-    // Not under 5 %, so that a path whose light is 0 for now still carries its gradient.
+    // At least 5 %, so that a path whose light is 0 now still carries its gradient.
     let survival: Vec<f64> = host_values(&largest)?
         .iter()
         .map(|q| q.clamp(0.05, 1.0))
@@ -32,22 +32,22 @@ pub(super) fn roulette(tracer: &Tracer, batch: &mut PathBatch, bounce: u32) -> R
         .collect())
 }
 
-/// The paths of a tile that are on their way.
+/// The active paths of a tile.
 pub(super) struct PathBatch {
-    /// Pixel and sample of each.
+    /// The pixel and sample of each path.
     pub paths: Vec<(u32, u32)>,
-    /// The column of the tile that each belongs to.
+    /// The column of the tile to which each path belongs.
     pub slots: Vec<u32>,
-    /// The part of its slot that a path stands for, where that is not all.
+    /// The fraction of its slot that each path represents. `None` stands for 1.
     pub share: Option<Vec<f64>>,
     pub rays: Rays,
-    /// None stands for 1.
+    /// `None` stands for 1.
     pub throughput: Option<Vec3>,
 }
 
 impl PathBatch {
-    /// Goes on with several surfaces of each ray in place of one. Returns them; paths are then those
-    /// of the surfaces.
+    /// Continues with several surfaces of each ray instead of one. Returns these surfaces. The batch then has one path
+    /// for each of them.
     pub fn split(
         &mut self,
         context: &Context,
@@ -77,7 +77,7 @@ impl PathBatch {
         Ok(drawn.iter().map(|d| d.1).collect())
     }
 
-    /// Goes on with some paths, as often as they are named.
+    /// Keeps the listed paths, each as often as it is listed.
     pub fn keep(&mut self, context: &Context, which: &[u32]) {
         if is_identity(which, self.paths.len()) {
             return;
@@ -95,7 +95,7 @@ impl PathBatch {
         self.throughput = self.throughput.take().map(|t| t.gather(&index));
     }
 
-    /// Light that some paths (all, if not named) bring back.
+    /// Returns the light that the listed paths contribute, or that all contribute without a list.
     pub fn contribution(
         &self,
         context: &Context,
@@ -128,7 +128,7 @@ pub(super) struct Contribution {
     pub light: Vec3,
 }
 
-/// A throughput times a scalar a path; none stands for 1.
+/// Returns a throughput times one scalar for each path. `None` stands for 1.
 pub(super) fn times(throughput: Option<Vec3>, ratio: &Tensor<2>) -> Vec3 {
     match throughput {
         Some(t) => t.scale(ratio),

@@ -6,22 +6,22 @@ use glam::DVec3;
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, gather_row, host_values, host_vectors};
 
-/// The emitter where a shadow ray ends on no surface.
+/// The emitter of a shadow ray that ends on no surface.
 pub const NO_TRIANGLE: u32 = u32::MAX;
 
-/// Rays o + t·d with |d| = 1, rows `[1, N]`; origins relative to the centre of the bounds, in the
-/// triangles' unit.
+/// Rays o + t·d with |d| = 1, in rows `[1, N]`. Origins are relative to the center of the bounds, in the triangles'
+/// unit.
 #[derive(Clone, Debug)]
 pub struct Rays {
-    /// Origins, at the positions that static objects have.
+    /// Origins in the frame of static objects.
     pub origin: Vec3,
     pub direction: Vec3,
-    /// Time in the shutter, if anything moves.
+    /// The shutter time, if anything moves.
     pub time: Option<Tensor<2>>,
-    /// The triangle that each ray leaves, if it leaves a surface.
+    /// The triangle that each ray leaves, if the rays leave surfaces.
     pub departure: Option<Vec<u32>>,
-    /// The emitter triangle ([`NO_TRIANGLE`] for a light without a surface) that each ray ends on and its distance
-    /// (without tape), for shadow rays.
+    /// For shadow rays, the emitter triangle on which each ray ends ([`NO_TRIANGLE`] for a delta light), and the
+    /// untracked distance to it.
     pub arrival: Option<(Vec<u32>, Tensor<2>)>,
 }
 
@@ -30,7 +30,7 @@ impl Rays {
         self.direction.x.dims()[1]
     }
 
-    /// Some of them, in any order, as often as they are named.
+    /// Returns the listed rays, in any order, each as often as it is listed.
     pub(crate) fn pick(&self, context: &Context, which: &[u32]) -> Self {
         if is_identity(which, self.len()) {
             return self.clone();
@@ -47,7 +47,7 @@ impl Rays {
         }
     }
 
-    /// Origins shifted into the frame of objects with a velocity (one for each ray).
+    /// Returns the origins in the frames of objects with a velocity (one for each ray).
     pub(crate) fn origin_for(&self, velocity: Option<&Vec3>) -> Vec3 {
         match (&self.time, velocity) {
             (Some(time), Some(velocity)) => self.origin.sub(&velocity.scale(time)),
@@ -56,21 +56,21 @@ impl Rays {
     }
 }
 
-/// A ray on the host, with what is known of its ends.
+/// A ray on the host, with its ends as far as they are given.
 #[derive(Clone, Copy, Debug)]
 pub struct HostRay {
     pub origin: DVec3,
     pub direction: DVec3,
     pub time: f64,
-    /// The triangle that it leaves.
+    /// The triangle that the ray leaves.
     pub departure: Option<u32>,
-    /// The emitter that it ends on, and where.
+    /// The emitter on which the ray ends, and the distance to it.
     pub emitter: Option<u32>,
     pub distance: Option<f64>,
 }
 
 impl Rays {
-    /// Reads them back.
+    /// Reads the rays back.
     pub fn host(&self) -> Result<Vec<HostRay>> {
         let (origin, direction) = (host_vectors(&self.origin)?, host_vectors(&self.direction)?);
         let time = self.time.as_ref().map(host_values).transpose()?;
@@ -91,12 +91,13 @@ impl Rays {
     }
 }
 
-/// Whether these are all of so many, in order.
+/// Returns whether a list contains all of `count` indices, in order.
 pub(crate) fn is_identity(which: &[u32], count: usize) -> bool {
     which.len() == count && which.iter().enumerate().all(|(i, &w)| i == w as usize)
 }
 
-/// A row of some rays as a row of all, zero elsewhere.
+/// Spreads a row of some rays over a row of all rays. Values of the same ray are added, and rays without a value have
+/// 0.
 pub(crate) fn spread(context: &Context, row: Tensor<2>, which: &[u32], count: usize) -> Tensor<2> {
     if is_identity(which, count) {
         return row;

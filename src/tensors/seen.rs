@@ -1,4 +1,4 @@
-//! Emission that camera rays see.
+//! Emission that primary rays see.
 
 use burn::tensor::Tensor;
 
@@ -11,8 +11,8 @@ use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::scene::Flattened;
 
-/// Light of emitters and environment that camera rays see: the mean over all their surfaces, not over
-/// drawn ones, which has no noise of a draw. None where all is black.
+/// Returns the light of emitters and environment that primary rays see. It is the mean over all surfaces of a ray, not
+/// over drawn ones, so it has no noise from a draw. Returns `None` if the scene has neither.
 pub(crate) fn seen(transport: &Transport, weights: &Shares, rays: &Rays) -> Result<Option<Vec3>> {
     let scene = transport.scene;
     let context = &scene.context;
@@ -38,7 +38,7 @@ pub(crate) fn seen(transport: &Transport, weights: &Shares, rays: &Rays) -> Resu
     Ok(Some(seen))
 }
 
-/// Light of emitters whose fronts do not emit the same everywhere and in all directions, which only cones see.
+/// Returns the light of emitters whose emission is a texture, which only cones support.
 fn uneven(scene: &Flattened, weights: &Shares, rays: &Rays) -> Result<Option<Vec3>> {
     let (context, material) = (&scene.context, &scene.topology.material);
     let count = rays.len();

@@ -1,11 +1,11 @@
-//! Surface points that light comes to.
+//! Surface points that receive light.
 
 use super::cones::AtBounce;
 use super::rays::Rays;
 use super::surface::SurfacePoints;
 use crate::geometry::Context;
 
-/// Surface points, the rays that came to them, and their paths.
+/// Surface points, the rays that hit them, and their paths.
 #[derive(Clone, Copy)]
 pub(super) struct Shaded<'a> {
     pub points: &'a SurfacePoints,
@@ -14,7 +14,7 @@ pub(super) struct Shaded<'a> {
 }
 
 impl Shaded<'_> {
-    /// What a function makes of some of them.
+    /// Calls a function with the listed points.
     pub fn of_some<T>(&self, context: &Context, which: &[u32], f: impl FnOnce(Shaded) -> T) -> T {
         let paths: Vec<_> = which.iter().map(|&i| self.at.paths[i as usize]).collect();
         f(Shaded {

@@ -1,4 +1,4 @@
-//! Points of the surfaces that paths drew: places, normals, and the parameters of their BSDFs.
+//! Points of the surfaces that paths drew: positions, normals, and BSDF parameters.
 
 use burn::tensor::{Int, Tensor};
 
@@ -11,32 +11,32 @@ use crate::geometry::{
 use crate::model::texture::wrapped;
 use crate::scene::{BsdfKind, Channel, ChannelPlanes, Flattened, MaterialKind};
 
-/// Drawn surface points, rows `[1, N]`.
+/// Drawn surface points, in rows `[1, N]`.
 pub(crate) struct SurfacePoints {
-    /// The triangle of each.
+    /// The triangle of each point.
     pub triangle: Vec<u32>,
-    /// Position, relative to the centre of the bounds, at the time that the object is unshifted.
+    /// Position relative to the center of the bounds, at the path's shutter time.
     pub position: Vec3,
     /// Unit geometric normal on the side that the ray came from.
     pub geometric_normal: Vec3,
     /// Unit shading normal on that side.
     pub normal: Vec3,
-    /// Whether the two may differ.
+    /// Whether the two normals may differ.
     pub smooth: bool,
-    /// The parameters of their BSDF, each at its place ([`Channel::place`](crate::scene::Channel::place)).
+    /// The BSDF parameters, each at its place ([`Channel::place`](crate::scene::Channel::place)).
     pub parameters: Vec<Vec3>,
-    /// The models of facets among their BSDFs.
+    /// The microfacet models among the BSDFs.
     pub models: Vec<Model>,
-    /// 1 where a ray came from behind the front, which is inside of a dielectric.
+    /// 1 where a ray came from behind the front, which is the inside of a dielectric, else 0.
     pub inside: Tensor<2>,
-    /// Texture coordinates, where any material has a texture.
+    /// Texture coordinates, if any material has a texture.
     pub uv: Option<[Tensor<2>; 2]>,
 }
 
-/// A model of facets that some surface points have.
+/// A microfacet model that some surface points have.
 pub(crate) struct Model {
     pub kind: MaterialKind,
-    /// 1 for points that have it, else 0.
+    /// 1 for points with this model, else 0.
     pub row: Tensor<2>,
 }
 
@@ -45,7 +45,7 @@ impl SurfacePoints {
         self.map(self.triangle.clone(), detached)
     }
 
-    /// Whether each is of clear matter, which refracts; empty if none is.
+    /// Returns whether each point has a material that refracts. The list is empty if none has.
     pub(crate) fn clear(&self) -> Result<Vec<bool>> {
         let mut models = self.models.iter();
         let Some(model) = models.find(|m| m.kind.bsdf.refracts()) else {
@@ -54,14 +54,14 @@ impl SurfacePoints {
         Ok(host_values(&model.row)?.iter().map(|&x| x > 0.5).collect())
     }
 
-    /// Some of them, in any order, as often as they are named.
+    /// Returns the listed points, in any order, each as often as it is listed.
     pub(crate) fn pick(&self, context: &Context, which: &[u32]) -> Self {
         let index = context.index_row(which);
         let triangle = which.iter().map(|&i| self.triangle[i as usize]).collect();
         self.map(triangle, |v| gather_row(v.clone(), &index))
     }
 
-    /// Rays that leave them.
+    /// Returns rays that leave the points.
     pub(crate) fn ray(&self, direction: Vec3, time: Option<Tensor<2>>) -> Rays {
         Rays {
             origin: self.position.clone(),
@@ -92,7 +92,7 @@ impl SurfacePoints {
         }
     }
 
-    /// Intersects each ray with its drawn triangle, in the graph where gradients can flow.
+    /// Intersects each ray with its drawn triangle. The points are tracked with rays and scene.
     pub(crate) fn new(scene: &Flattened, rays: &Rays, triangle: Vec<u32>) -> Result<Self> {
         let context = &scene.context;
         let triangles = &scene.triangles;
@@ -126,7 +126,7 @@ impl SurfacePoints {
         };
         let uv = match (&scene.uvs, &barycentrics) {
             (Some(corners), Some((b, c, _))) => {
-                // Outside of the triangle the coordinates extrapolate.
+                // Outside the triangle, the coordinates are extrapolated.
                 let a = (b.clone() + c.clone()).neg() + 1.0;
                 let interpolate = |f: fn(&Vec3) -> &Tensor<2>| {
                     gather(f(&corners.a)) * a.clone()
@@ -177,7 +177,7 @@ impl SurfacePoints {
     }
 }
 
-/// Weights of corners b and c at points of triangles, and the triangles' nearest points.
+/// Returns the weights of corners b and c at points of triangles, and the nearest points of the triangles' borders.
 fn barycentrics(
     triangles: &Triangles,
     index: &Tensor<2, Int>,
@@ -198,7 +198,7 @@ fn barycentrics(
     (b, c, nearest)
 }
 
-/// Multiplies the base colours of materials that colours of meshes tint.
+/// Multiplies the base colors of tinted materials by the colors of meshes.
 fn tint(scene: &Flattened, materials: &[u32], colour: &Vec3, parameters: &mut [Vec3]) {
     let plain = |m: &u32| !scene.materials.kinds[*m as usize].bsdf.is_tinted();
     let plain: Vec<f64> = materials
@@ -210,7 +210,7 @@ fn tint(scene: &Flattened, materials: &[u32], colour: &Vec3, parameters: &mut [V
     *base = base.mul(&colour.map(|x| x.mask_fill(plain.clone(), 1.0)));
 }
 
-/// Weights of corners b and c: those of the hit, or of the triangle's point nearest to it.
+/// Returns the weights of corners b and c of the hit, or of the triangle's nearest point if the hit is outside.
 fn at_nearest(b: &Tensor<2>, c: &Tensor<2>, nearest: &Nearest) -> [Tensor<2>; 2] {
     let outside = nearest.inside.clone().bool_not();
     let b = b.clone();
@@ -218,7 +218,7 @@ fn at_nearest(b: &Tensor<2>, c: &Tensor<2>, nearest: &Nearest) -> [Tensor<2>; 2]
     [b, c.clone().mask_where(outside, nearest.weight_c.clone())]
 }
 
-/// Values at corners, interpolated by the weights of b and c.
+/// Interpolates values at corners by the weights of b and c.
 fn interpolated(corners: &VertexData, index: &Tensor<2, Int>, [b, c]: &[Tensor<2>; 2]) -> Vec3 {
     let a = (b.clone() + c.clone()).neg() + 1.0;
     let at = |v: &Vec3| v.gather(index);
@@ -228,8 +228,8 @@ fn interpolated(corners: &VertexData, index: &Tensor<2, Int>, [b, c]: &[Tensor<2
         .add(&at(&corners.c).scale(c))
 }
 
-/// Unit normals on the front side, tilted by texels of normal maps (`crate::model::normal_map`); those of triangles
-/// without tangents, whose side is 0, stay as they are.
+/// Returns unit normals on the front side, tilted by texels of normal maps (`crate::model::normal_map`). Normals of
+/// triangles without tangents, whose side is 0, are unchanged.
 fn tilted(
     context: &Context,
     normal: &Vec3,
@@ -257,8 +257,8 @@ fn tilted(
     })
 }
 
-/// Unit normals interpolated between corners, on the side of the geometric normals; these where a triangle is
-/// not smooth.
+/// Returns unit normals interpolated between corners, on the side of the geometric normals. A triangle that is not
+/// smooth has its geometric normal.
 fn shading_normals(
     context: &Context,
     corners: &VertexData,
@@ -270,14 +270,14 @@ fn shading_normals(
     let shading = interpolated(corners, index, weights);
     let flat: Vec<f64> = smooth.map(|s| if s { 0.0 } else { 1.0 }).collect();
     let flat = context.row(&flat).greater_elem(0.5);
-    // Objects without normals have zeros here: replaced before the square root.
+    // Objects without normals have zeros here, which are replaced before the square root.
     let shading = shading.zip(geometric_normal, |s, g| s.mask_where(flat.clone(), g));
     let facing = detached(&shading.dot(geometric_normal));
     let flip = facing.greater_equal_elem(0.0).float().cast(context.dtype) * 2.0 - 1.0;
     shading.normalized().scale(&flip)
 }
 
-/// The models of facets that points of materials have.
+/// Returns the microfacet models of points with the given materials.
 fn models(scene: &Flattened, materials: &[u32]) -> Vec<Model> {
     let of = |&m: &u32| {
         let kind = scene.materials.kinds[m as usize];
@@ -301,8 +301,8 @@ fn models(scene: &Flattened, materials: &[u32]) -> Vec<Model> {
     found.into_iter().map(of_one).collect()
 }
 
-/// A parameter of materials at surface points `[1, N]`: the constant of each material, or its texture at the
-/// coordinates `uv`, in the graph for texels and coordinates.
+/// Returns a parameter of materials at surface points `[1, N]`: the constant of each material, or its texture at the
+/// coordinates `uv`. It is tracked with the parameter and the coordinates.
 pub(crate) fn look_up(
     context: &Context,
     channel: &ChannelPlanes,
@@ -325,7 +325,7 @@ pub(crate) fn look_up(
     let size = |f: &dyn Fn(usize) -> usize| -> Vec<f64> { (0..n).map(|i| f(i) as f64).collect() };
     let width = size(&|i| slots[i].map_or(1, |s| s.width));
     let height = size(&|i| slots[i].map_or(1, |s| s.height));
-    // Texel centres at half-integers, row 0 at the top (v = 1).
+    // Texel centers are at half-integers, and row 0 is at the top (v = 1).
     let x = u.clone() * context.row(&width) - 0.5;
     let y = (v.clone().neg() + 1.0) * context.row(&height) - 0.5;
     let (left, top) = (detached(&x).floor(), detached(&y).floor());

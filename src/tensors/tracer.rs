@@ -1,4 +1,4 @@
-//! The visibility that the paths of a tile are traced with: weights of surfaces and transmittances.
+//! Visibility for the paths of a tile: weights of surfaces and transmittances.
 
 use std::cell::RefCell;
 
@@ -20,25 +20,25 @@ use crate::scene::Flattened;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathSettings {
-    /// Bounces after the surface that the camera sees; 0 is direct light only.
+    /// The number of bounces after the first visible surface; 0 is direct light only.
     pub bounces: u32,
-    /// Whether to count what is degenerate.
+    /// Whether to count degenerate cases.
     pub diagnostics: bool,
-    /// The bounce from which paths may be ended at random.
+    /// The bounce from which Russian roulette may end paths.
     pub roulette_after: Option<u32>,
-    /// The choice of surfaces, emitters and directions.
+    /// The sampling strategies.
     pub sampling: Sampling,
 }
 
-/// The blurred start of rays that leave a surface, over σ.
+/// The blurred start of rays that leave a surface (`CoverageSettings::start`), over σ.
 const START: f64 = 0.25;
 
 /// The visibility of a render.
 pub(crate) enum Sight {
-    /// Hard surfaces, by rays of cones.
+    /// Hard surfaces, hit by rays of cones.
     Cones(Cones),
-    /// All triangles, shared by the paper's form (lengths in units of the flattened scene), with
-    /// candidates of each ray by a hierarchy; without it each ray is paired with all triangles.
+    /// The paper's form, with lengths in units of the flattened scene, and the candidates of each ray from a BVH.
+    /// Without candidates, each ray is paired with all triangles.
     Softmax(Softmax, Option<Candidates>),
 }
 
@@ -57,20 +57,20 @@ pub(crate) struct Transport<'a> {
 pub(crate) struct Tracer<'a> {
     pub transport: Transport<'a>,
     pub statistics: RefCell<RayStatistics>,
-    /// Counts of degenerate cases, if they are asked for.
+    /// Counts of degenerate cases, if requested.
     pub diagnostics: RefCell<Option<Diagnostics>>,
 }
 
-/// Counts of rays, and of the triangles and surfaces that they met.
+/// Counts of rays, of tested triangles, and of surfaces that may matter.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RayStatistics {
-    /// Camera, bounce and shadow rays.
+    /// Primary, bounce and shadow rays.
     pub rays: u64,
-    /// Triangles tested, ray by ray.
+    /// Triangles tested, summed over rays.
     pub tested: u64,
-    /// Rays that looked for their next surface, by bounce.
+    /// The number of rays that are traced to their next surface, by bounce.
     pub bounces: Vec<u64>,
-    /// Numbers of camera and bounce rays by the number of surfaces that may matter to them.
+    /// The number of primary and bounce rays, by the number of surfaces that may matter to them.
     pub surfaces: Vec<u64>,
 }
 
@@ -111,7 +111,7 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// How many triangles rays are paired with, on average.
+    /// Returns the mean number of triangles with which a ray is paired.
     pub(crate) fn pairs_a_ray(&self, rays: &Rays) -> Result<f64> {
         let pairs = self.pairs(rays, &vec![true; rays.len()])?;
         let all = pairs.list.iter().map(|(which, p)| which.len() * p.rows());
@@ -122,7 +122,7 @@ impl<'a> Tracer<'a> {
         self.transport.scene
     }
 
-    /// Hits of the softmax nearer than this don't count: relative to the scene's size.
+    /// Returns the distance below which softmax hits do not count, in proportion to the scene's size.
     pub(crate) fn t_min(&self) -> f64 {
         match self.transport.sight {
             Sight::Cones(_) => 0.0,
@@ -143,9 +143,9 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// Rays in groups, paired with the triangles that matter to them: of cones, which has no shadow rays here, with those
-    /// that they hit. Rays that are not needed, and shadow rays that something opaque ends, are in no group; but
-    /// without candidates all are paired with all triangles.
+    /// Pairs rays, in groups, with the triangles that matter to them. Rays of cones are paired with the triangle that
+    /// they hit; their shadow rays are not handled here. Rays that are not needed, and shadow rays that something
+    /// opaque blocks, are in no group. Without candidates, all rays are paired with all triangles.
     fn pairs(&self, rays: &Rays, needed: &[bool]) -> Result<Groups<Pairs>> {
         let (context, triangles) = (&self.scene().context, self.scene().triangles.len());
         let n = rays.len();
@@ -184,7 +184,7 @@ impl<'a> Tracer<'a> {
         coverage(&scene.context, surfaces, rays, pairs, &settings)
     }
 
-    /// The shares of surfaces and the background in each ray.
+    /// Returns the shares of the surfaces and the background in each ray.
     pub(crate) fn weights(&self, rays: &Rays) -> Result<Shares> {
         let scene = self.scene();
         let Groups { rays: n, list } = self.pairs(rays, &vec![true; rays.len()])?;
@@ -220,8 +220,8 @@ impl<'a> Tracer<'a> {
         Ok(weights)
     }
 
-    /// The share of light that arrives along shadow rays; 0 of those that are not needed, but where all
-    /// triangles are tested in tensors.
+    /// Returns the fraction of light that arrives along shadow rays. It is 0 for rays that are not needed, except where
+    /// rays are paired with all triangles.
     pub(crate) fn transmittance(
         &self,
         rays: &Rays,

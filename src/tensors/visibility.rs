@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::softmax::Softmax;
 use crate::error::{Error, Result};
 
-/// The form of visibility in a render. Its gradients are derivatives of the image in that form.
+/// The form of visibility in a render. Gradients are derivatives of the image in this form.
 ///
 /// `docs/VISIBILITY.md` compares both forms by measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,41 +16,41 @@ use crate::error::{Error, Result};
 pub enum Visibility {
     /// Hard surfaces, blurred by rays that are jittered within cones: the default.
     ///
-    /// A camera ray passes its pixel's point through a filter; a bounce or shadow ray leaves its surface
-    /// about the direction that was sampled for it. Both have a smooth kernel, so that an image is a
-    /// differentiable function of the geometry. Gradients are those of the image that is rendered:
-    /// silhouettes, borders, creases, and lines in which surfaces pass through each other are sampled
-    /// for them on their own, so that they are right, and not noisier, at an angle of 0.
+    /// A pixel filter jitters each primary ray. A cone about the sampled direction jitters each bounce or shadow ray.
+    /// Both have a smooth kernel, so the image is a differentiable function of the geometry. Gradients are derivatives
+    /// of the rendered image. They sample silhouettes, borders, creases, and lines in which surfaces pass through each
+    /// other separately, so they are correct at an angle of 0 too, and not noisier there.
     Cone {
-        /// Half-angle of the cones of bounce and shadow rays, radians, from 0 on and under 1.2. It
-        /// softens shadows and reflections by 0.35 of it (a standard deviation).
+        /// Half-angle of the cones of bounce and shadow rays in radians, at least 0 and less than 1.2. It softens
+        /// shadows and reflections with a standard deviation of 0.35 of the angle.
         angle: f64,
-        /// Radius of the pixel filter beyond the pixel itself, in pixels, from 0 on. The kernel is
-        /// (1 − r²)² in x and in y.
+        /// Radius of the pixel filter beyond the pixel itself, in pixels, at least 0. The kernel is (1 − r²)² in x and
+        /// in y.
         pixels: f64,
     },
-    /// The paper's form (Eq. 1 and 3, corrected): each triangle counts by p = sigmoid(±D/σ), with D the
-    /// squared distance of a ray's hit from the border in the triangle's plane; the triangles of a ray
-    /// share it by a softmax over log p_k + z_k/γ and ε/γ for the background, z_k = (far − t_k)/(far −
-    /// near); light passes by ∏(1 − p_k).
+    /// The paper's form (Eq. 1 and 3, corrected).
+    ///
+    /// Each triangle counts by p = sigmoid(±D/σ), where D is the squared distance, in the triangle's plane, of a ray's
+    /// hit from the border. The triangles of a ray share it by a softmax over log p_k + z_k/γ, with z_k = (far −
+    /// t_k)/(far − near), and ε/γ for the background. Light passes by ∏(1 − p_k).
     Softmax {
-        /// Blur of edges σ, in scene units squared.
+        /// Blur of edges σ, in squared scene units.
         sigma: f64,
         /// Blur in depth γ, in units of the scene's depth.
         gamma: f64,
-        /// ε, the score of the background.
+        /// ε, which sets the score ε/γ of the background.
         epsilon: f64,
     },
 }
 
-/// What is computed for a form of visibility.
+/// The parameters with which a form of visibility is computed.
 pub(crate) enum VisibilityForm {
     Cones { angle: f64, pixels: f64 },
     Softmax(Softmax),
 }
 
 impl Default for Visibility {
-    /// Cones without an angle, and a pixel filter with a radius of half a pixel.
+    /// Returns cones with an angle of 0, and a pixel filter with a radius of half a pixel.
     fn default() -> Self {
         Self::cone(0.0)
     }
@@ -72,12 +72,13 @@ impl fmt::Display for Visibility {
 }
 
 impl Visibility {
-    /// Cones of a half-angle in radians, with a pixel filter of half a pixel.
+    /// Returns cones of a half-angle in radians, with a pixel filter of half a pixel.
     pub fn cone(angle: f64) -> Self {
         Self::Cone { angle, pixels: 0.5 }
     }
 
-    /// The softmax form with ε = 1e-3; σ in scene units squared, γ in units of the scene's depth.
+    /// Returns the softmax form with ε = 1e-3. `sigma` is in squared scene units, `gamma` in units of the scene's
+    /// depth.
     pub fn softmax(sigma: f64, gamma: f64) -> Self {
         Self::Softmax {
             sigma,
@@ -86,7 +87,7 @@ impl Visibility {
         }
     }
 
-    /// What is computed for it, with lengths in a unit.
+    /// Returns the parameters of the form, with lengths in units of `unit`.
     pub(crate) fn form(&self, unit: f64) -> VisibilityForm {
         match *self {
             Self::Cone { angle, pixels } => VisibilityForm::Cones { angle, pixels },
@@ -106,7 +107,7 @@ impl Visibility {
         matches!(self.form(1.0), VisibilityForm::Softmax(_))
     }
 
-    /// Sets the blur of rays: the half-angle of cones, or σ.
+    /// Sets the blur of rays: the half-angle of cones, or σ of the softmax.
     pub(crate) fn set_blur(&mut self, blur: f64) {
         match self {
             Self::Cone { angle, .. } => *angle = blur,

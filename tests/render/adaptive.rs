@@ -143,3 +143,17 @@ fn what_does_not_know_it_says_so() {
     );
     says(error(options.samples(1 << 25)), ["samples", "adaptive"]);
 }
+
+#[test]
+fn passes_have_no_gradients() {
+    let device = Device::flex();
+    let (room, camera) = cornell_box(&device);
+    let offset = Tensor::<1>::zeros([3], &device).autodiff().require_grad();
+    let moved = |o: Object| o.map_mesh(|m| m.translated(offset.clone()));
+    let room = room.map_object("tall", moved).expect("a block");
+    let options = RenderOptions::new(4, 4).samples(4).pass(1, 2);
+    says(
+        message(render(&room, &camera, &options)),
+        ["pass", "1 of 2", "gradients"],
+    );
+}

@@ -356,6 +356,15 @@ fn options() {
             )
         },
     );
+    told.expect("a pass too many", &["pass", "4 of 4", "less than"], || {
+        with(small().samples(8).pass(4, 4))
+    });
+    told.expect("uneven passes", &["pass", "0 of 3", "divides"], || {
+        with(small().samples(8).pass(0, 3))
+    });
+    told.expect("adaptive passes", &["pass", "adaptive"], || {
+        with(small().samples(64).adaptive().pass(0, 2))
+    });
     told.expect("too large", &["60000 × 60000", "memory_limit"], || {
         with(RenderOptions::new(60_000, 60_000))
     });

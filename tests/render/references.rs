@@ -2,6 +2,9 @@
 
 use crate::common;
 use crate::common::gradients::SHARP;
+use crate::common::materials::base;
+use crate::common::scenes::scene_file;
+use crate::common::tensors::points;
 use crate::images::{REFERENCES, compare, image, target};
 use burn::tensor::Device;
 use softray::prelude::*;
@@ -136,4 +139,33 @@ fn bsdfs_of_facets() {
         }
     }
     assert!(failures.is_empty(), "{failures:?}");
+}
+
+/// The function's box and camera are those of the reference's files.
+#[test]
+fn the_cornell_box() {
+    let device = Device::flex();
+    let (scene, camera) = cornell_box(&device);
+    let file = scene_file("cornell", &device);
+    assert_eq!(scene.objects.len(), file.scene.objects.len());
+    let corners = |o: &Object| {
+        let points = points(&o.mesh.vertices);
+        let of_face = |f: &[u32; 3]| f.map(|i| (points[i as usize] * 1e3).round().to_array());
+        let mut faces: Vec<_> = o.mesh.faces.iter().map(of_face).collect();
+        faces.sort_by(|a, b| a.partial_cmp(b).expect("numbers"));
+        faces
+    };
+    let color = |texture: &ColorTexture| match texture {
+        ColorTexture::Constant(p) => p.values().expect("numbers"),
+        ColorTexture::Texture { .. } => panic!("a texture"),
+    };
+    for object in scene.objects.iter() {
+        let other = file.scene.object(&object.name).expect("an object");
+        assert_eq!(corners(object), corners(other), "{}", object.name);
+        let [a, b] = [object, other].map(|o| &o.materials[0]);
+        assert_eq!(color(base(a)), color(base(b)), "{}", object.name);
+        assert_eq!(color(&a.emission), color(&b.emission), "{}", object.name);
+    }
+    let eyes = [&camera, &file.camera].map(|c| c.eye.values().expect("numbers"));
+    assert_eq!(eyes[0], eyes[1]);
 }

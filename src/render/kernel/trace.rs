@@ -12,7 +12,7 @@ use super::prepare::Places;
 use super::rows::Rows;
 #[cfg(feature = "wgpu")]
 use crate::device::stage;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::{Context, host_values};
 #[cfg(feature = "wgpu")]
 use crate::gpu::{Job, Packed, pack};
@@ -65,7 +65,12 @@ impl Pass<'_> {
     /// Returns the rows of all pixels of all views with the counts, and the jobs if a GPU ran them.
     pub fn trace(&self, with_gradient: bool) -> Result<(Images, Option<Jobs>)> {
         let all = self.together(0..self.views.len(), self.options.cache.as_ref());
-        let share = self.share(0..self.options.samples);
+        if with_gradient && let Some((index, passes)) = self.options.pass {
+            let value = format!("{index} of {passes}");
+            let expected = "none, since the image has gradients";
+            return Err(Error::invalid("options", "pass", value, expected));
+        }
+        let share = self.share(self.options.sample_range());
         #[cfg(feature = "wgpu")]
         let jobs = self.on_gpu().then(|| self.jobs(&all, &share));
         #[cfg(feature = "wgpu")]
@@ -74,7 +79,7 @@ impl Pass<'_> {
             crate::gpu::check(device, jobs.iter().map(|j| &j.1), with_gradient)?;
         }
         #[cfg(not(feature = "wgpu"))]
-        let (jobs, _) = (None, with_gradient);
+        let jobs = None;
         let pilots = pilots(self.options.samples);
         let pilots = pilots.filter(|_| self.options.adaptive && self.pixels.is_none());
         let images = match pilots {

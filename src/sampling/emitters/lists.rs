@@ -1,6 +1,6 @@
 //! The emitters of a scene as lists, and the choice of an emitter, in one source for the host and GPUs.
 
-#![allow(unused_assignments)] // Variables of a kernel need a first value.
+#![allow(unused_assignments)] // Variables of a kernel require an initial value.
 #![allow(
     clippy::collapsible_if,
     clippy::manual_clamp,

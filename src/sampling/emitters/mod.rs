@@ -287,7 +287,7 @@ impl Emitters {
         }
     }
 
-    /// Visits those of the listed emitters whose front a ray hits, regardless of occluders.
+    /// Visits the listed emitters whose front a ray hits, regardless of occluders.
     #[inline(always)]
     pub fn each_hit(
         &self,

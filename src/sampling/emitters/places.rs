@@ -1,6 +1,6 @@
 //! Points on emitters for next-event estimation: sampled points, and points along a direction.
 
-#![allow(unused_assignments)] // Variables of a kernel need a first value.
+#![allow(unused_assignments)] // Variables of a kernel require an initial value.
 #![allow(
     clippy::collapsible_if,
     reason = "the language of kernels has no other form"

@@ -1,4 +1,4 @@
-//! Facets of clear matter, in tensors.
+//! The microfacet model of refracting matter, in tensors.
 
 use burn::tensor::{Bool, Tensor};
 
@@ -10,7 +10,7 @@ use crate::model::bsdf::{UPRIGHT, given_back};
 use crate::scene::{LEAST_CONTRAST, LEAST_IOR, MOST_IOR};
 use crate::tensors::surface::{Model, SurfacePoints};
 
-/// The part of light that is reflected, which comes from the side of index 1 to that of index η.
+/// Returns the fraction of light that is reflected on its way from the side of index 1 to the side of index η.
 fn reflected_part(cosine: &Tensor<2>, eta: &Tensor<2>) -> Tensor<2> {
     let square = (cosine.clone() * cosine.clone()).neg() + 1.0;
     let square = square / (eta.clone() * eta.clone());
@@ -23,7 +23,7 @@ fn reflected_part(cosine: &Tensor<2>, eta: &Tensor<2>) -> Tensor<2> {
     ((p.clone() * p + s.clone() * s) * 0.5).mask_fill(total, 1.0)
 }
 
-/// The facet that turns the view into a direction.
+/// The facet that turns the view direction into an outgoing direction.
 struct Turn {
     half: Vec3,
     part: Tensor<2>,
@@ -43,7 +43,7 @@ impl<'a> Dielectric<'a> {
         Self(facets)
     }
 
-    /// The index of refraction on the other side over that on the view's.
+    /// Returns η, the index of refraction of the other side over the index of the view's side.
     fn eta(&self) -> Tensor<2> {
         let ior = self.0.second.x.clone();
         let near = (detached(&ior) - 1.0).abs().lower_elem(LEAST_CONTRAST);
@@ -80,13 +80,13 @@ impl<'a> Dielectric<'a> {
         }
     }
 
-    /// The part of light that facets with half vectors reflect, without tape.
+    /// Returns the fraction of light that facets with the given half vectors reflect, untracked.
     fn part_reflected(&self, half: &Vec3) -> Tensor<2> {
         let cosine = detached(&self.0.view.dot(half)).clamp(0.0, 1.0);
         reflected_part(&cosine, &detached(&self.eta()))
     }
 
-    /// The directions in which facets refract the view.
+    /// Returns the directions into which facets refract the view direction.
     fn refracted(&self, half: &Vec3) -> Vec3 {
         let eta = self.eta();
         let c = self.0.view.dot(half);
@@ -125,7 +125,7 @@ impl TensorBsdf for Dielectric<'_> {
         let of_gloss = numbers.lobe.clone().lower(self.part_reflected(&half));
         let (reflected, refracted) = (self.0.reflected(&half), self.refracted(&half));
         let direction = refracted.zip(&reflected, |o, r| o.mask_where(of_gloss.clone(), r));
-        // What a slanted facet turns to the wrong side is lost.
+        // Light that a slanted facet turns to the wrong side is lost.
         let above = detached(&self.0.points.normal.dot(&direction)).greater_elem(0.0);
         Drawn {
             direction,

@@ -1,4 +1,4 @@
-//! Facets in tensors: the distribution GGX with Smith's masking, and half vectors of those that are seen
+//! Microfacets in tensors: the GGX distribution with Smith masking, and sampling of visible half vectors
 //! ([`crate::model::bsdf`]).
 
 use std::f64::consts::{PI, TAU};
@@ -13,25 +13,25 @@ use crate::tensors::surface::{Model, SurfacePoints};
 
 /// The least α.
 const LEAST_ALPHA: f64 = 1e-3;
-/// Squares that are divided by are at least this.
+/// The least square that is a divisor.
 const TINY: f64 = 1e-12;
 
-/// Facets at surface points of one model; at the other points parameters are those of some material, so that
-/// nothing there is not a number.
+/// Facets at the surface points of one model. The other points have substitute parameters, so that no value there is
+/// NaN.
 pub(super) struct Facets<'a> {
     pub points: &'a SurfacePoints,
     pub kind: MaterialKind,
-    /// Towards the eye, on the normal's side.
+    /// The direction towards the eye, on the normal's side.
     pub view: Vec3,
     pub alpha: Tensor<2>,
     pub nv: Tensor<2>,
     pub rv: Tensor<2>,
-    /// The parameters before the roughness.
+    /// The parameters that precede the roughness.
     pub first: Vec3,
     pub second: Vec3,
 }
 
-/// √(α² + (1 − α²) c²).
+/// Returns √(α² + (1 − α²) c²).
 fn slant(square: &Tensor<2>, cosine: &Tensor<2>) -> Tensor<2> {
     let cosines = cosine.clone() * cosine.clone();
     (square.clone() + (square.clone().neg() + 1.0) * cosines).sqrt()
@@ -46,7 +46,7 @@ impl<'a> Facets<'a> {
         let roughness = clamped(&safe(2, 0.5).x, 0.0, 1.0);
         let alpha = (roughness.clone() * roughness).clamp_min(LEAST_ALPHA);
         let along = points.normal.dot(incoming);
-        // Mirrored where an interpolated normal turns away.
+        // Where an interpolated normal faces away, the view direction is mirrored.
         let behind = along.clone().clamp_min(0.0) * 2.0;
         let nv = along.abs();
         Self {
@@ -65,7 +65,7 @@ impl<'a> Facets<'a> {
         self.alpha.clone() * self.alpha.clone()
     }
 
-    /// D(h) for vectors along h.
+    /// Returns D(h) for vectors along h.
     pub fn distribution(&self, half: &Vec3) -> Tensor<2> {
         let normal = &self.points.normal;
         let height = normal.dot(half);
@@ -77,7 +77,7 @@ impl<'a> Facets<'a> {
         (square * (1.0 / PI) / (e.clone() * e)).mask_fill(below, 0.0)
     }
 
-    /// V = G/(4 n·v n·l).
+    /// Returns V = G/(4 n·v n·l).
     pub fn visibility(&self, nl: &Tensor<2>) -> Tensor<2> {
         let nl = nl.clone().clamp_min(TINY);
         let rl = slant(&self.square(), &nl);
@@ -85,12 +85,12 @@ impl<'a> Facets<'a> {
         sum.clamp_min(TINY).recip() * 0.5
     }
 
-    /// D of visible facets over v·h.
+    /// Returns the density D of visible facets over v·h.
     pub fn visible(&self, half: &Vec3) -> Tensor<2> {
         self.distribution(half) * 2.0 / (self.nv.clone() + self.rv.clone())
     }
 
-    /// The half vector of a visible facet, for two uniform numbers (Dupuy and Benyoub 2023).
+    /// Samples the half vector of a visible facet with two uniform numbers (Dupuy and Benyoub 2023).
     pub fn draw(&self, context: &Context, numbers: &Numbers) -> Vec3 {
         let Numbers { u, v, .. } = numbers;
         let axes = frame(&self.points.normal);
@@ -117,19 +117,19 @@ impl<'a> Facets<'a> {
         from_frame(&self.points.normal, &[local.x, local.y, local.z])
     }
 
-    /// The directions in which facets reflect the view.
+    /// Returns the directions into which facets reflect the view direction.
     pub fn reflected(&self, half: &Vec3) -> Vec3 {
         half.scale(&(self.view.dot(half) * 2.0)).sub(&self.view)
     }
 }
 
-/// Numbers in a range, without a derivative where they are clamped.
+/// Clamps numbers to a range. Clamped numbers have no derivative.
 pub(super) fn clamped(x: &Tensor<2>, low: f64, high: f64) -> Tensor<2> {
     let (below, above) = (detached(x).lower_elem(low), detached(x).greater_elem(high));
     x.clone().mask_fill(below, low).mask_fill(above, high)
 }
 
-/// A fit of the kernels' at cosines, α and indices of refraction, in the graph by its derivatives.
+/// Evaluates a fit of the kernels at cosines, α and indices of refraction. The fit's derivatives enter the graph.
 pub(super) fn fitted(
     context: &Context,
     fit: impl Fn(f32, f32, f32) -> Fit,

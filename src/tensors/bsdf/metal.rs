@@ -1,4 +1,4 @@
-//! Facets that reflect, in tensors: conductors and metallic–roughness.
+//! Microfacets that reflect, in tensors: conductors and metallic–roughness.
 
 use std::f64::consts::PI;
 
@@ -12,10 +12,10 @@ use crate::model::bsdf::{DIELECTRIC_F0, Fit, dielectric_facets, lost, mean_of_di
 use crate::scene::{BsdfKind, MOST_OF_METAL};
 use crate::tensors::surface::{Model, SurfacePoints};
 
-/// The least probability of each of two lobes that there are.
+/// The least probability of each lobe if there are two.
 const LEAST_SHARE: f64 = 0.05;
 
-/// Fresnel's reflectance of a metal with the index η − i k.
+/// Returns Fresnel's reflectance of a metal with the index η − i k.
 fn conductor(cosine: &Tensor<2>, eta: Tensor<2>, k: Tensor<2>) -> Tensor<2> {
     let square = cosine.clone() * cosine.clone();
     let rest = square.clone().neg() + 1.0;
@@ -26,7 +26,7 @@ fn conductor(cosine: &Tensor<2>, eta: Tensor<2>, k: Tensor<2>) -> Tensor<2> {
         .clamp_min(1e-24)
         .sqrt();
     let a = ((sum.clone() + t0.clone()) * 0.5).clamp_min(1e-24).sqrt();
-    // A difference of nearly the same numbers would leave nothing where η is small.
+    // The sum above cancels where η is small and t0 ≤ 0, so this form replaces it there.
     let behind = detached(&t0).lower_equal_elem(0.0);
     let stable = product * ((sum.clone() - t0).clamp_min(1e-24).recip() * 2.0).sqrt();
     let a = a.mask_where(behind, stable);
@@ -40,7 +40,7 @@ fn conductor(cosine: &Tensor<2>, eta: Tensor<2>, k: Tensor<2>) -> Tensor<2> {
     across * (ratio + 1.0) * 0.5
 }
 
-/// (1 − cos)⁵.
+/// Returns (1 − cos)⁵.
 fn schlick(cosine: &Tensor<2>) -> Tensor<2> {
     (cosine.clone().neg() + 1.0).clamp_min(0.0).powi_scalar(5)
 }
@@ -66,15 +66,15 @@ impl<'a> Metal<'a> {
         self.0.kind.bsdf == BsdfKind::Conductor
     }
 
-    /// Fresnel's reflectance of a conductor.
+    /// Returns Fresnel's reflectance of a conductor.
     fn fresnel(&self, cosine: &Tensor<2>) -> Vec3 {
         self.0
             .first
             .zip(&self.0.second, |eta, k| conductor(cosine, eta, k))
     }
 
-    /// What facets reflect, with what is given back of the light that they lose: of metallic–roughness that of metal
-    /// and that of what is none, each by its share.
+    /// Returns the reflectance of facets, including multiple-scattering compensation. For metallic–roughness, it is the
+    /// sum of the reflectances of metal and non-metal, each weighted by its share.
     fn reflectance(&self, context: &Context, cosine: &Tensor<2>) -> Result<Vec3> {
         let lost = match self.0.kind.compensated {
             true => self.fitted(context, lost, &self.0.nv)?,
@@ -96,7 +96,7 @@ impl<'a> Metal<'a> {
         }))
     }
 
-    /// A fit of the kernels' at cosines and the facets' α.
+    /// Evaluates a fit of the kernels at cosines and the facets' α.
     fn fitted(
         &self,
         context: &Context,
@@ -107,7 +107,7 @@ impl<'a> Metal<'a> {
         fitted(context, by_two, [cosine, &self.0.alpha, &self.0.alpha])
     }
 
-    /// The probability of directions of facets, without tape.
+    /// Returns the probability of sampling a direction from the facets, untracked.
     fn gloss(&self) -> Tensor<2> {
         if self.is_conductor() {
             return self.0.nv.ones_like().detach();

@@ -1,4 +1,4 @@
-//! How surfaces scatter light, in tensors: a file a model ([`formulas`]).
+//! BSDFs in tensors, one file for each model ([`formulas`]).
 
 mod dielectric;
 mod facets;
@@ -19,18 +19,18 @@ use dielectric::Dielectric;
 use metal::Metal;
 use phong::Phong;
 
-/// A model at surface points.
+/// A BSDF at surface points.
 trait TensorBsdf {
-    /// f(wi, wo)·cos θ_i as planes; zero where nothing is scattered.
+    /// Returns f(wi, wo)·cos θ_i as planes, 0 where nothing is scattered.
     fn evaluate(&self, context: &Context, outgoing: &Vec3) -> Result<Vec3>;
 
-    /// The density of directions; the probabilities of lobes have no tape.
+    /// Returns the density of directions. The probabilities of lobes are untracked.
     fn density(&self, outgoing: &Vec3) -> Tensor<2>;
 
     fn draw(&self, context: &Context, numbers: &Numbers) -> Drawn;
 }
 
-/// Uniform numbers of surface points, and directions of matt surfaces that are drawn by the first two.
+/// Uniform numbers of surface points, and directions of matt surfaces that the first two numbers sample.
 struct Numbers {
     u: Vec<f64>,
     v: Vec<f64>,
@@ -38,13 +38,14 @@ struct Numbers {
     matt: Vec3,
 }
 
-/// Directions, and which of them are lost.
+/// Sampled directions, and which of them are lost.
 struct Drawn {
     direction: Vec3,
     lost: Option<Tensor<2, Bool>>,
 }
 
-/// The formulas of a model, with the parameters of some material at other points. `incoming` is the ray's direction.
+/// Returns the formulas of a model. Points of other models have substitute parameters. `incoming` is the ray's
+/// direction.
 fn formulas<'a>(
     points: &'a SurfacePoints,
     model: &Model,
@@ -59,13 +60,13 @@ fn formulas<'a>(
     }
 }
 
-/// Values of some points in place of others.
+/// Replaces the values of points whose `row` is 1.
 fn replaced(all: Vec3, row: &Tensor<2>, some: &Vec3) -> Vec3 {
     let which: Tensor<2, Bool> = row.clone().greater_elem(0.5);
     all.zip(some, |a, s| a.mask_where(which.clone(), s))
 }
 
-/// f(wi, wo)·cos θ_i as planes; zero where nothing is scattered. `incoming` is the ray's direction.
+/// Returns f(wi, wo)·cos θ_i as planes, 0 where nothing is scattered. `incoming` is the ray's direction.
 pub(crate) fn scattered(
     context: &Context,
     points: &SurfacePoints,
@@ -80,8 +81,8 @@ pub(crate) fn scattered(
     Ok(f)
 }
 
-/// cos θ to the shading normal, but at most four times that to the geometric normal
-/// ([`crate::model::bsdf`]); 0 below the surface.
+/// Returns cos θ to the shading normal, limited to four times the cosine to the geometric normal
+/// ([`crate::model::bsdf`]). It is 0 below the surface.
 fn cosine(points: &SurfacePoints, outgoing: &Vec3) -> Tensor<2> {
     let shaded = points.normal.dot(outgoing);
     if !points.smooth {
@@ -91,14 +92,14 @@ fn cosine(points: &SurfacePoints, outgoing: &Vec3) -> Tensor<2> {
     shaded.min_pair(horizon).clamp_min(0.0)
 }
 
-/// The density per solid angle with which [`sample`] draws a direction, without tape.
+/// Returns the density per solid angle with which [`sample`] draws a direction, untracked.
 pub(crate) fn density(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Tensor<2> {
     let points = points.detached();
     let (incoming, outgoing) = (incoming.detached(), outgoing.detached());
     density_of(&points, &incoming, &outgoing)
 }
 
-/// The density with which [`sample`] draws a direction; the probabilities of lobes have no tape.
+/// Returns the density with which [`sample`] draws a direction. The probabilities of lobes are untracked.
 fn density_of(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Tensor<2> {
     let mut density = Phong { points, incoming }.density(outgoing);
     for model in &points.models {
@@ -108,15 +109,15 @@ fn density_of(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Tenso
     density
 }
 
-/// A sampled direction and the throughput f·cos/pdf along it.
+/// A sampled direction, and the throughput f·cos/pdf along it.
 pub(crate) struct Scatter {
     pub direction: Vec3,
-    /// RGB factor; zero where the direction falls below the surface.
+    /// RGB factor, 0 where the direction lies below the surface.
     pub weight: Vec3,
 }
 
-/// Draws one lobe in proportion to its albedo and a direction from it; divides by the density of
-/// the mixture.
+/// Draws a lobe with a probability in proportion to its albedo, and a direction from this lobe. Divides by the density
+/// of the mixture.
 pub(crate) fn sample(
     context: &Context,
     points: &SurfacePoints,
@@ -139,7 +140,7 @@ pub(crate) fn sample(
     let matt = from_frame(&points.normal, &local);
     let phong = Phong { points, incoming };
     if phong.gloss().is_none() {
-        // f·cos/pdf is k_d, whatever the direction, but near the horizon of a smooth surface.
+        // f·cos/pdf is k_d in all directions, except near the horizon of a smooth surface.
         let mut weight = points.parameters[0].clone();
         if points.smooth {
             let drawn_by = points.normal.dot(&matt).clamp_min(1e-7);
@@ -153,7 +154,7 @@ pub(crate) fn sample(
     let lobe = context.row(&lobe);
     let numbers = Numbers { u, v, lobe, matt };
     let mut direction = phong.draw(context, &numbers).direction;
-    // Below this the direction can't have been drawn, and the value is zero as well.
+    // A direction of lower density cannot have been drawn, and its value is 0 as well.
     let mut impossible = numbers.lobe.zeros_like().greater_elem(0.5);
     for model in &points.models {
         let drawn = formulas(points, model, incoming).draw(context, &numbers);
@@ -173,7 +174,7 @@ pub(crate) fn sample(
     })
 }
 
-/// Two unit vectors across a unit axis, and across each other (Duff et al. 2017).
+/// Returns two unit vectors that are perpendicular to a unit axis and to each other (Duff et al. 2017).
 fn frame(axis: &Vec3) -> [Vec3; 2] {
     let sign = detached(&axis.z)
         .greater_equal_elem(0.0)
@@ -196,7 +197,7 @@ fn frame(axis: &Vec3) -> [Vec3; 2] {
     [tangent, bitangent]
 }
 
-/// A local direction turned so that z lies along a unit axis.
+/// Rotates a local direction so that z lies along a unit axis.
 fn from_frame(axis: &Vec3, [x, y, z]: &[Tensor<2>; 3]) -> Vec3 {
     let [tangent, bitangent] = frame(axis);
     let across = tangent.scale(x).add(&bitangent.scale(y));

@@ -1,4 +1,4 @@
-//! Lambert plus normalised Phong, f = k_d/π + k_s (n + 2)/(2π) cosⁿα, in tensors.
+//! Lambert plus normalized Phong in tensors: f = k_d/π + k_s (n + 2)/(2π) cosⁿα.
 
 use std::f64::consts::{PI, TAU};
 
@@ -16,13 +16,13 @@ pub(super) struct Phong<'a> {
 }
 
 impl Phong<'_> {
-    /// k_s and exponent, if any material of the scene is glossy.
+    /// Returns k_s and the exponent, if any material of the scene is glossy.
     pub fn gloss(&self) -> Option<(&Vec3, &Tensor<2>)> {
         let parameters = &self.points.parameters;
         Some((parameters.get(1)?, &parameters[2].x))
     }
 
-    /// The probability of the specular lobe: its share of the albedo, without tape.
+    /// Returns the probability of the specular lobe, untracked: its share of the albedo.
     fn share_of_gloss(&self, specular: &Vec3) -> Tensor<2> {
         let sum = |k: &Vec3| detached(&(k.x.clone() + k.y.clone() + k.z.clone())).abs();
         let (kd, ks) = (sum(&self.points.parameters[0]), sum(specular));
@@ -34,7 +34,7 @@ impl Phong<'_> {
         self.incoming.sub(&self.points.normal.scale(&along))
     }
 
-    /// cosⁿα of directions.
+    /// Returns cosⁿα of directions.
     fn lobe(&self, exponent: &Tensor<2>, outgoing: &Vec3) -> Tensor<2> {
         phong(exponent, &self.mirror().dot(outgoing))
     }
@@ -74,8 +74,8 @@ impl TensorBsdf for Phong<'_> {
         let list = |f: &dyn Fn(usize) -> f64| -> Tensor<2> {
             context.row(&(0..u.len()).map(f).collect::<Vec<_>>())
         };
-        // Phong lobe about the mirror direction: cos α = u^(1/(n + 1)). The number is kept off 0 and
-        // 1, where the derivative of the square root has no bound.
+        // The Phong lobe lies about the mirror direction: cos α = u^(1/(n + 1)). u is kept away from 0 and 1, where the
+        // derivative of the square root is unbounded.
         let log_u = list(&|i| u[i].clamp(1e-7, 1.0 - 1e-7).ln());
         let log_cosine = log_u / (exponent.clone() + 1.0);
         let cosine = log_cosine.clone().exp();
@@ -96,7 +96,7 @@ impl TensorBsdf for Phong<'_> {
     }
 }
 
-/// cosⁿα, 0 for α over 90°.
+/// Returns cosⁿα, or 0 for α over 90°.
 fn phong(exponent: &Tensor<2>, cosine: &Tensor<2>) -> Tensor<2> {
     let behind = detached(cosine).lower_equal_elem(1e-12);
     let log = cosine

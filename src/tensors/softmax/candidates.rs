@@ -1,4 +1,4 @@
-//! The triangles that may matter to each ray, from a hierarchy of boxes that are grown by the reach of the blur.
+//! The triangles that may matter to each ray, from a BVH whose boxes are enlarged by the reach of the blur.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -16,21 +16,21 @@ use crate::geometry::{Topology, Triangles, host_values, host_vectors};
 use crate::scene::Flattened;
 use crate::tensors::rays::{HostRay, Rays};
 
-/// Many triangles may be left out of a ray, and gradients are more sensitive than images: each is
-/// allowed this share of the cutoff.
+/// The share of the cutoff that each omitted triangle may use: a ray may omit many, and gradients are more sensitive
+/// than images.
 const SAFETY: f64 = 0.1;
 
-/// Rays a piece of work.
+/// The least number of rays in a piece of work.
 const PIECE: usize = 512;
 
-/// Finds the triangles that matter to rays.
+/// Lists the triangles that may matter to rays.
 pub(crate) struct Candidates {
     hierarchy: Arc<Hierarchy>,
-    /// Triangles of smaller opacity, and what lies behind more than 1 − this, are left out.
+    /// Triangles of smaller opacity are omitted, and so is everything behind an opacity of more than 1 − `cutoff`.
     cutoff: f64,
 }
 
-/// What rays of the softmax are traced with.
+/// The scene and the settings with which softmax rays are traced.
 #[derive(Clone, Copy)]
 pub(crate) struct Form<'a> {
     pub scene: &'a Flattened,
@@ -50,8 +50,8 @@ impl Candidates {
         self.hierarchy.clone()
     }
 
-    /// The triangles of each ray, upwards; None where something opaque ends a shadow ray, which has an arrival, or
-    /// it is not needed.
+    /// Returns the triangles of each ray in ascending order. Returns `None` for a ray that is not needed, and for a
+    /// shadow ray (which has an arrival) that is blocked by an opaque surface.
     pub fn of(&self, form: &Form, rays: &Rays, needed: &[bool]) -> Result<Vec<Option<List>>> {
         let arch = Arch::new();
         let host = rays.host()?;
@@ -72,7 +72,7 @@ impl Candidates {
         let ends = [ray.departure, ray.emitter];
         let counts = |k: u32, cosine: f32| {
             let side = visible_side[k as usize] * f64::from(cosine);
-            // Near its end on an emitter a ray sees the other side of the emitter's object.
+            // Near its end on an emitter, a ray sees the other side of the emitter's object.
             let turns = ray
                 .emitter
                 .is_some_and(|e| object[e as usize] == object[k as usize]);
@@ -99,7 +99,8 @@ impl Candidates {
         })
     }
 
-    /// Whether the only candidate of a ray fills it: it is hit deep inside, and long before the background matters.
+    /// Returns whether the only candidate covers the whole ray: it is hit deep inside, and long before the background
+    /// matters.
     fn is_whole(
         &self,
         form: &Form,
@@ -119,11 +120,11 @@ impl Candidates {
         counts(k, cosine as f32) == Counts::Fully
             && inside > (sigma * nothing).sqrt()
             && t > begun.max(reach.range.0)
-            // The background counts as far before the limit.
+            // The background counts from this far before the limit.
             && t + 2.0 * reach.behind < reach.range.1
     }
 
-    /// What counts e to this power less than something opaque is nothing beside it.
+    /// Returns n such that a factor e⁻ⁿ relative to something opaque is negligible.
     fn nothing(&self) -> f64 {
         (10.0 / self.cutoff).ln()
     }
@@ -137,7 +138,7 @@ impl Candidates {
         } = form.coverage;
         let far_outside = (1.0 / self.cutoff).ln();
         let nothing = self.nothing();
-        // From here on a hit is beyond the blurred start of its ray, but for a share of e⁻⁴.
+        // From this distance on, a hit is past the blurred start of its ray, except for a share of e⁻⁴.
         let begun = match ray.departure {
             Some(_) => t_min.max(2.0 * start.sqrt()),
             None => t_min,
@@ -148,20 +149,20 @@ impl Candidates {
                 range: (t_min, limit),
                 most: (sigma * far_outside).sqrt(),
                 penalty: 0.0,
-                // Behind something opaque nothing arrives; the blurred start passes less than the cutoff.
+                // Behind something opaque, no light arrives. The blurred start passes less than the cutoff.
                 deep: (sigma * nothing).sqrt(),
                 begun: begun.max((start * nothing).sqrt()),
                 behind: f64::NEG_INFINITY,
             };
         }
-        // A weight is exp(−(t + penalty·squared distance)/falloff), at most, over that of the background, or of a
-        // hit inside of a triangle: p > 1/2 there, and the start is passed. In front of these the least falloff holds,
-        // behind them the largest.
+        // A weight is at most exp(−(t + penalty·squared distance)/falloff) relative to the weight of the background, or
+        // of a hit inside a triangle, past the start (p > 1/2 there). In front of these, the least falloff applies;
+        // behind them, the largest.
         let (distance, radius) = (ray.origin.length(), form.scene.radius());
         let (near, far) = ((distance - radius).max(0.0), distance + radius);
         let [least, most, background] = form.softmax.falloff(near, far);
         let (penalty, limit) = (least / sigma, background + most * nothing);
-        // A hit before near is as far from every triangle.
+        // A hit at t < near is at least near − t away from every triangle.
         let half = 0.5 / penalty;
         Reach {
             range: (t_min, limit),
@@ -174,11 +175,11 @@ impl Candidates {
     }
 }
 
-/// What a group of rays costs, in pairs.
+/// The cost of a group of rays, in pairs.
 const GROUP: usize = 2000;
 
-/// Rays with about as many candidates together: those without, those with one that fills them, and others, of which
-/// those with few are with those with more where they would make a small group.
+/// Groups rays with about equally many candidates: rays without candidates, rays that one candidate covers, and the
+/// others. A small group of the others joins the group of the next larger number.
 pub(crate) fn grouped(lists: &[Option<List>]) -> Vec<Vec<u32>> {
     let mut groups: BTreeMap<(bool, usize), Vec<u32>> = BTreeMap::new();
     for (i, list) in lists.iter().enumerate() {
@@ -203,7 +204,7 @@ pub(crate) fn grouped(lists: &[Option<List>]) -> Vec<Vec<u32>> {
     found
 }
 
-/// Boxes over triangles that are read back, or those of a cache fitted to them.
+/// Reads triangles back and builds their BVH, or refits the BVH of a cache to them.
 pub(crate) fn hierarchy_of(triangles: &Triangles, cache: &LastHierarchy) -> Result<Arc<Hierarchy>> {
     let corners = &triangles.corners;
     let (a, b) = (host_vectors(&corners.a)?, host_vectors(&corners.b)?);

@@ -1,4 +1,4 @@
-//! The paper's blurred triangles (Eq. 1), for pairs of ray and triangle.
+//! The paper's blurred triangles (Eq. 1), for pairs of a ray and a triangle.
 
 use burn::tensor::{Bool, DType, Tensor, TensorData};
 
@@ -9,42 +9,42 @@ use crate::tensors::rays::{NO_TRIANGLE, Rays};
 /// The parameters of Eq. 1, in the triangles' unit.
 #[derive(Clone, Copy, Debug)]
 pub struct CoverageSettings {
-    /// Blur of the edges σ, a length squared.
+    /// Blur of edges σ, a squared length.
     pub sigma: f64,
-    /// Hits nearer than this don't count.
+    /// Hits at a smaller distance do not count.
     pub t_min: f64,
-    /// Rays that leave a surface begin to meet others over a distance √start: a hit at t counts by
-    /// 1 − exp(−t²/start). 0 for a hard start.
+    /// Rays that leave a surface start to hit others gradually, over a distance √start: a hit at t counts by 1 −
+    /// exp(−t²/start). 0 is a hard start.
     pub start: f64,
-    /// Hits beyond (1 − margin)·distance of an arrival don't count.
+    /// Hits beyond (1 − margin)·distance of an arrival do not count.
     pub arrival_margin: f64,
 }
 
-/// The coverage of rays by triangles, in pairs `[K, N]`.
+/// The coverage of rays by triangles, for pairs `[K, N]`.
 #[derive(Clone, Debug)]
 pub struct Coverage {
     /// Distance along the ray to the triangle's plane; 0 where the pair does not count.
     pub t: Tensor<2>,
     /// ±D/σ; 0 where the pair does not count.
     logit: Tensor<2>,
-    /// n·d, without tape: negative where the ray meets the triangle's front.
+    /// n·d, untracked: negative where the ray hits the triangle's front.
     pub cosine: Tensor<2>,
     /// Pairs that do not count.
     pub discounted: Tensor<2, Bool>,
-    /// Pairs that count by max(0, 2p − 1), and only inside: neighbours of a triangle at an end of the ray.
+    /// Pairs that count by max(0, 2p − 1), and only inside: neighbors of a triangle at an end of the ray.
     softened: Option<Tensor<2, Bool>>,
-    /// The share of each hit beyond the blurred start of its ray.
+    /// The factor of each hit from the blurred start of its ray.
     begun: Option<Tensor<2>>,
 }
 
 impl Coverage {
-    /// exp(−|logit|).
+    /// Returns exp(−|logit|).
     fn decay(&self) -> Tensor<2> {
         self.logit.clone().abs().neg().exp()
     }
 
-    /// log p of Eq. 1 as it counts, for pairs that do: that of 2p − 1 for softened pairs, less near the start of a ray
-    /// that leaves a surface.
+    /// Returns log p of Eq. 1 as it counts, for pairs that count. For softened pairs it is the logarithm of 2p − 1. It
+    /// is lower near the start of a ray that leaves a surface.
     pub fn log_probability(&self) -> Tensor<2> {
         let decay = self.decay();
         let mut log = self.logit.clone().clamp_max(0.0) - (decay.clone() + 1.0).log();
@@ -59,7 +59,7 @@ impl Coverage {
         }
     }
 
-    /// 1 − p as it counts: 1 where a pair doesn't.
+    /// Returns 1 − p as it counts: 1 where a pair does not count.
     fn passed(&self) -> Tensor<2> {
         let decay = self.decay();
         let outside = self.logit.clone().lower_elem(0.0);
@@ -74,32 +74,32 @@ impl Coverage {
         passed.mask_fill(self.discounted.clone(), 1.0)
     }
 
-    /// p as it counts.
+    /// Returns p as it counts.
     #[cfg(test)]
     pub fn probability(&self) -> Tensor<2> {
         self.passed().neg() + 1.0
     }
 }
 
-/// The cosine |n·d| up to which a ray counts as parallel to a triangle.
+/// Returns the |n·d| up to which a ray counts as parallel to a triangle.
 pub(crate) fn grazing(dtype: DType) -> f64 {
     if dtype == DType::F64 { 1e-9 } else { 1e-6 }
 }
 
-/// The intersections of rays with the planes of triangles `[K, N]`.
+/// The intersections `[K, N]` of rays with the planes of triangles.
 pub struct PlaneHits {
-    /// Distances, in the graph where gradients can flow.
+    /// Distances, tracked with rays and triangles.
     pub t: Tensor<2>,
-    /// n·d, without tape: negative where a ray meets the front.
+    /// n·d, untracked: negative where a ray hits the front.
     pub cosine: Tensor<2>,
     /// Whether the ray is not parallel to the plane, and the triangle has area.
     exist: Tensor<2, Bool>,
 }
 
-/// Along an axis of each pair: the places of the ray's origin, at the time that the triangle is unshifted.
+/// Returns the coordinates of the rays' origins along an axis of each pair, in the frame of the unshifted triangle.
 fn along(axis: &Vec3, triangles: &Triangles, rays: &Rays, pairs: &Pairs) -> Tensor<2> {
-    // Broadcast products, not `matmul`: it is no faster for an inner length of 3, may round to
-    // less than f32 on GPUs, and returns zeros on SwiftShader.
+    // Broadcast products replace `matmul`, which is no faster for an inner length of 3, may round to less than f32 on
+    // GPUs, and returns zeros on SwiftShader.
     let along = axis.dot(&rays.origin);
     match (&rays.time, &triangles.velocity) {
         // n·(o − time·velocity) = n·o − time·(n·velocity)
@@ -120,14 +120,14 @@ impl PlaneHits {
             .greater_elem(grazing(context.dtype))
             .bool_and(pairs.valid(&triangles.valid).expand(cosine.dims()));
         Self {
-            // The inputs of the division are made safe: masking its output would not stop NaN.
+            // The inputs of the division are made safe, since masking its output would not prevent NaN.
             t: height / cosine.mask_fill(exist.clone().bool_not(), 1.0),
             cosine: detached_cosine,
             exist,
         }
     }
 
-    /// Their places in the triangles' frames, in the graph where gradients can flow.
+    /// Returns the hits' coordinates in the triangles' frames, tracked with rays and triangles.
     fn places(&self, triangles: &Triangles, rays: &Rays, pairs: &Pairs) -> [Tensor<2>; 2] {
         let of = |(axis, corner): (&Vec3, &Tensor<2>)| {
             let axis = &pairs.vectors(axis);
@@ -141,7 +141,7 @@ impl PlaneHits {
         .map(of)
     }
 
-    /// The pairs that count, with the rules at both ends of a ray, and those of them that are softened.
+    /// Returns the pairs that count by the rules at both ends of a ray, and which of them are softened.
     fn counted(
         &self,
         context: &Context,
@@ -152,7 +152,7 @@ impl PlaneHits {
     ) -> (Tensor<2, Bool>, Option<Tensor<2, Bool>>) {
         let t = detached(&self.t);
         let mut counted = (self.exist.clone()).bool_and(t.clone().greater_elem(settings.t_min));
-        // Held finite: what is that far outside has p = 0 exactly.
+        // Keeps values finite: at such a distance outside, p is exactly 0.
         let largest = settings.sigma * 1e30;
         counted = counted.bool_and(
             nearest
@@ -184,7 +184,7 @@ impl PlaneHits {
     }
 }
 
-/// Plane hits and edge distances (Eq. 1), with the rules at both ends of a ray.
+/// Computes plane hits and edge distances (Eq. 1), with the rules at both ends of a ray.
 pub fn coverage(
     context: &Context,
     (triangles, topology): (&Triangles, &Topology),
@@ -226,7 +226,7 @@ pub fn coverage(
 
 type Masks = (Option<Tensor<2, Bool>>, Option<Tensor<2, Bool>>);
 
-/// The triangles left out (those at the ends of the ray) and softened (their neighbours).
+/// Returns masks of the excluded triangles (at the ends of the ray) and of the softened ones (their neighbors).
 fn end_masks(context: &Context, topology: &Topology, pairs: &Pairs, rays: &Rays) -> Masks {
     let ends: Vec<&Vec<u32>> = [
         rays.departure.as_ref(),
@@ -255,8 +255,8 @@ fn end_masks(context: &Context, topology: &Topology, pairs: &Pairs, rays: &Rays)
     (Some(mask(excluded)), Some(mask(softened)))
 }
 
-/// Sides of closed objects that can't be seen. Near its end on an emitter a ray is treated like
-/// one that leaves the emitter: there the emitter's object shows the other side.
+/// Returns the sides of closed objects that cannot be visible. Near its end on an emitter, a ray is treated like a ray
+/// that leaves the emitter: there the emitter's object shows its other side.
 fn hidden_sides(
     context: &Context,
     (topology, pairs): (&Topology, &Pairs),
@@ -280,7 +280,7 @@ fn hidden_sides(
     let object_of = |e: u32| topology.object.get(e as usize).map(|&o| f64::from(o));
     let of_emitter = emitter.iter().map(|&e| object_of(e).unwrap_or(-1.0));
     let of_emitter: Vec<f64> = of_emitter.collect();
-    // A ray from an object to itself changes sides half-way.
+    // A ray from an object to itself changes sides halfway.
     let from: Vec<f64> = emitter
         .iter()
         .enumerate()
@@ -302,10 +302,10 @@ fn hidden_sides(
     Some(hidden.mask_where(near_end, side.greater_elem(0.0)))
 }
 
-/// The share of light that passes all counted triangles, ∏(1 − p_k) = exp Σ log(1 − p_k), as a row `[1, N]`.
+/// Returns the fraction of light that passes all counted triangles, ∏(1 − p_k) = exp Σ log(1 − p_k), as a row `[1, N]`.
 ///
-/// The paper writes 1 − ∏(1 − p_k) for it, which is the opacity.
+/// The paper writes 1 − ∏(1 − p_k) instead, which is the opacity.
 pub fn transmittance(coverage: &Coverage) -> Tensor<2> {
-    // Nothing arrives behind what is opaque, and no gradient.
+    // Behind something opaque, neither light nor a gradient arrives.
     coverage.passed().clamp_min(1e-30).log().sum_dim(0).exp()
 }

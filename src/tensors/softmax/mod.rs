@@ -1,8 +1,8 @@
 //! The paper's form of visibility: surfaces are blurred (Eq. 1) and share a ray by a softmax over depth (Eq. 2 and 3).
 //!
-//! `coverage` has Eq. 1 of pairs of ray and triangle, and how much light passes these; `weights` has Eq. 2 and 3.
-//! `pairs` says which triangles a ray is paired with: all, or its own, which `candidates` finds by a hierarchy of
-//! boxes; `shares` has the weights of rays in groups, by how many triangles they are paired with.
+//! `coverage` computes Eq. 1 for pairs of a ray and a triangle, and how much light passes them; `weights` computes Eq.
+//! 2 and 3. `pairs` pairs a ray with all triangles, or with its own, which `candidates` lists by a BVH. `shares` holds
+//! the weights of rays in groups, by the number of triangles with which they are paired.
 
 mod candidates;
 mod coverage;

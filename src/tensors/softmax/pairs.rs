@@ -1,4 +1,4 @@
-//! Which triangles rays are paired with: each ray with all, or with its own candidates.
+//! The pairs of rays and triangles: each ray with all triangles, or with its own candidates.
 
 use burn::tensor::{Bool, Int, Tensor, TensorData};
 
@@ -7,35 +7,35 @@ use crate::tensors::rays::NO_TRIANGLE;
 
 /// The triangles that may matter to a ray.
 pub(crate) struct List {
-    /// Upwards.
+    /// In ascending order.
     pub triangles: Vec<u32>,
-    /// Whether there is one, and nothing matters beside it.
+    /// Whether there is one triangle, and it covers the whole ray.
     pub is_whole: bool,
 }
 
-/// Pairs `[K, N]` of rays and triangles: of each of N rays with all T triangles, or with up to K of its own.
+/// Pairs `[K, N]` of rays and triangles: each of N rays with all T triangles, or with up to K of its own.
 #[derive(Clone, Debug)]
 pub(crate) struct Pairs {
     rows: usize,
     own: Option<Own>,
 }
 
-/// Triangles of each ray.
+/// The triangles of each ray.
 #[derive(Clone, Debug)]
 struct Own {
-    /// Their numbers `[K, N]`, upwards for each ray; [`NO_TRIANGLE`] after the last of a ray.
+    /// Triangle indices `[K, N]`, ascending for each ray, with [`NO_TRIANGLE`] after the last one.
     triangle: Vec<u32>,
     rays: usize,
-    /// The same as a row `[1, K·N]`, 0 in place of none.
+    /// The same as a row `[1, K·N]`, with 0 instead of [`NO_TRIANGLE`].
     index: Tensor<2, Int>,
-    /// Whether there is one `[K, N]`.
+    /// Whether an element `[K, N]` is a triangle.
     some: Tensor<2, Bool>,
-    /// Whether each ray has one, which fills it.
+    /// Whether each ray has one triangle, which covers the whole ray.
     is_whole: bool,
 }
 
 impl Pairs {
-    /// Every ray with all triangles.
+    /// Pairs every ray with all triangles.
     pub fn all(triangles: usize) -> Self {
         Self {
             rows: triangles,
@@ -43,7 +43,7 @@ impl Pairs {
         }
     }
 
-    /// Each ray with its own triangles, whose numbers go upwards.
+    /// Pairs each ray with its own triangles, whose indices are in ascending order.
     pub fn own(context: &Context, lists: &[&List]) -> Self {
         let rays = lists.len();
         let rows = lists
@@ -76,23 +76,23 @@ impl Pairs {
         }
     }
 
-    /// Whether there are none.
+    /// Returns whether there are no pairs.
     pub fn is_empty(&self) -> bool {
         let empty = |own: &Own| own.triangle.iter().all(|&k| k == NO_TRIANGLE);
         self.own.as_ref().is_some_and(empty)
     }
 
-    /// Whether each ray has one, which fills it.
+    /// Returns whether each ray has one triangle, which covers the whole ray.
     pub fn is_whole(&self) -> bool {
         self.own.as_ref().is_some_and(|own| own.is_whole)
     }
 
-    /// K.
+    /// Returns K.
     pub fn rows(&self) -> usize {
         self.rows
     }
 
-    /// A value of all triangles `[T, 1]` or `[1, T]`, as one of pairs: `[K, N]`, or `[T, 1]` where each ray has all.
+    /// Gathers a value of all triangles `[T, 1]` or `[1, T]` for the pairs: `[K, N]`, or `[T, 1]` if each ray has all.
     pub fn of(&self, plane: &Tensor<2>) -> Tensor<2> {
         match &self.own {
             Some(own) => gather_row(plane.clone(), &own.index).reshape([self.rows, own.rays]),
@@ -104,7 +104,7 @@ impl Pairs {
         v.map(|plane| self.of(&plane))
     }
 
-    /// The same of values without tape.
+    /// Gathers untracked values in the same way.
     pub fn constant(&self, context: &Context, values: &[f64]) -> Tensor<2> {
         match &self.own {
             Some(own) => {
@@ -116,12 +116,13 @@ impl Pairs {
         }
     }
 
-    /// Whether each is a pair, of triangles that are valid or not `[T, 1]`; of one's own triangles all are.
+    /// Returns which elements are pairs with a valid triangle. `valid` is `[T, 1]`. A ray's own triangles are all
+    /// valid.
     pub fn valid(&self, valid: &Tensor<2, Bool>) -> Tensor<2, Bool> {
         self.own.as_ref().map_or(valid, |own| &own.some).clone()
     }
 
-    /// The triangle of a ray in a row; T past the last.
+    /// Returns the triangle of a ray in a row, or T past the last one.
     pub fn triangle(&self, ray: usize, row: u32, triangles: u32) -> u32 {
         let of = |own: &Own| own.triangle.get(row as usize * own.rays + ray).copied();
         match &self.own {
@@ -130,7 +131,7 @@ impl Pairs {
         }
     }
 
-    /// The row of a ray in which a triangle is.
+    /// Returns the row of a ray that contains a triangle.
     pub fn row_of(&self, ray: usize, triangle: u32) -> Option<usize> {
         match &self.own {
             Some(own) => (0..self.rows).find(|row| own.triangle[row * own.rays + ray] == triangle),
@@ -138,7 +139,7 @@ impl Pairs {
         }
     }
 
-    /// The rows of a ray in which neighbours of a triangle are.
+    /// Visits the rows of a ray that contain neighbors of a triangle.
     pub fn rows_beside(
         &self,
         ray: usize,

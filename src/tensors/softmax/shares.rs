@@ -1,4 +1,4 @@
-//! The shares of surfaces in rays that are in groups, by how many triangles matter to them.
+//! The shares of surfaces in rays, which are grouped by the number of triangles that matter to them.
 
 use burn::tensor::Tensor;
 
@@ -10,7 +10,7 @@ use crate::geometry::{Context, gather_row};
 use crate::scene::Flattened;
 use crate::tensors::rays::{Rays, spread};
 
-/// The number of draws of a split: surfaces with a weight of at least its inverse are all taken.
+/// The number of draws of a split: every surface whose weight is at least the inverse is taken.
 const SPLIT: usize = 4;
 
 /// The weights of rays in groups.
@@ -20,7 +20,7 @@ pub(crate) struct Shares {
     triangles: u32,
 }
 
-/// Rays with the weights of their surfaces.
+/// A group of rays, with the weights of their surfaces.
 pub(crate) struct Group {
     pub rays: Rays,
     pub pairs: Pairs,
@@ -28,12 +28,12 @@ pub(crate) struct Group {
 }
 
 impl Group {
-    /// Where the rays meet the planes of their triangles.
+    /// Intersects the rays with the planes of their triangles.
     pub fn hits(&self, scene: &Flattened) -> PlaneHits {
         PlaneHits::new(&scene.context, &scene.triangles, &self.rays, &self.pairs)
     }
 
-    /// 1 for pairs in which the ray meets the front, else 0.
+    /// Returns 1 for pairs in which the ray hits the front, else 0.
     pub fn fronts(&self, scene: &Flattened) -> Tensor<2> {
         let normal = self.pairs.vectors(&scene.triangles.normal.detached());
         let cosine = normal.dot(&self.rays.direction.detached());
@@ -41,14 +41,14 @@ impl Group {
     }
 }
 
-/// Rays in groups, with something of each.
+/// Rays in groups, with a value for each group.
 pub(crate) struct Groups<T> {
     pub rays: usize,
     pub list: Vec<(Vec<u32>, T)>,
 }
 
 impl<T> Groups<T> {
-    /// Rows `[1, n]` of each group as one of all rays `[1, N]`, 0 for rays of none.
+    /// Joins rows `[1, n]` of the groups to one row `[1, N]` of all rays, with 0 for rays in no group.
     pub fn join(&self, context: &Context, row: impl Fn(&[u32], &T) -> Tensor<2>) -> Tensor<2> {
         let rows: Vec<_> = self
             .list
@@ -81,7 +81,7 @@ impl Shares {
         self.groups.join(&self.context, row)
     }
 
-    /// Draws surfaces of each ray with lists of random numbers in [0, 1): their triangles and weights. The number of
+    /// Draws surfaces of each ray with lists of random numbers in [0, 1). Returns triangles and weights. The number of
     /// triangles stands for the background. A surface of weight 0 is never drawn.
     fn draws(&self, random: &[Vec<f64>]) -> Result<Vec<Vec<(u32, f64)>>> {
         let mut found = vec![vec![(self.triangles, 1.0); self.groups.rays]; random.len()];
@@ -101,14 +101,14 @@ impl Shares {
         Ok(found)
     }
 
-    /// Draws a surface of each ray.
+    /// Draws one surface of each ray.
     pub fn draw(&self, random: Vec<f64>) -> Result<Vec<u32>> {
         let drawn = self.draws(&[random])?;
         Ok(drawn.concat().into_iter().map(|d| d.0).collect())
     }
 
-    /// Several surfaces of each ray, (ray, surface, W over the probability of being here): systematic
-    /// sampling, in which a surface is taken with probability min(1, 4W).
+    /// Draws several surfaces of each ray by systematic sampling, which takes a surface with probability min(1, 4W).
+    /// Returns (ray, surface, W over this probability).
     pub fn split(&self, random: &[f64]) -> Result<Vec<(u32, u32, f64)>> {
         let shifted = |m: usize| {
             let of = |u: &f64| (u + m as f64) / SPLIT as f64;
@@ -125,8 +125,8 @@ impl Shares {
         Ok(found)
     }
 
-    /// W / detach(W) of drawn surfaces (ray, triangle), as a row: 1, with the derivative of log W. None if no gradient
-    /// can flow.
+    /// Returns W / detach(W) of drawn surfaces (ray, triangle) as a row: 1, with the derivative of log W. Returns
+    /// `None` if the weights are untracked.
     pub fn ratio(&self, drawn: impl Iterator<Item = (u32, u32)>) -> Option<Tensor<2>> {
         let groups = &self.groups.list;
         if !groups.iter().any(|g| g.1.weights.surfaces.is_tracked()) {
@@ -165,8 +165,8 @@ impl Shares {
         ))
     }
 
-    /// Σ W_k·v_k + W_background·v of a quantity of pairs `[K, n]` or `[T, 1]` and of the background `[1, N]` or `[1, 1]`: a row
-    /// `[1, N]`, in the graph if a gradient can flow to the weights or to the quantity.
+    /// Returns the mean Σ W_k·v_k + W_background·v as a row `[1, N]`. v is `[K, n]` or `[T, 1]` for pairs, and `[1, N]`
+    /// or `[1, 1]` for the background. The mean is tracked with the weights and with v.
     pub fn mean(
         &self,
         surfaces: impl Fn(&Group) -> Tensor<2>,
@@ -181,7 +181,7 @@ impl Shares {
         })
     }
 
-    /// W of the background `[1, N]`, in the graph if a gradient can flow.
+    /// Returns W of the background `[1, N]`, tracked with the weights.
     pub fn background(&self) -> Tensor<2> {
         self.join(|_, group| group.weights.background.clone())
     }

@@ -1,6 +1,5 @@
-//! The formulas against `visibility.json`: float64 values and gradients from an independent
-//! implementation.
-#![cfg_attr(not(feature = "flex"), allow(dead_code))] // a part serves each backend
+//! Compares the formulas with `visibility.json`: float64 values and gradients of an independent implementation.
+#![cfg_attr(not(feature = "flex"), allow(dead_code))] // each backend uses a part
 
 use std::path::PathBuf;
 
@@ -50,15 +49,15 @@ fn cases() -> Vec<Case> {
         .collect()
 }
 
-/// A case's leaves and what follows from them.
+/// The leaf tensors of a case, and values computed from them.
 struct Built {
     corners: Tensor<2>,
     origins: Tensor<2>,
     directions: Tensor<2>,
-    /// Without tape: the reference's gradients don't flow through near and far.
+    /// Untracked, since the reference has no gradients through near and far.
     still: Vec3,
     radius: f64,
-    /// Along the whole ray, and up to `t_max`.
+    /// Coverage along the whole ray, and up to `t_max`.
     coverage: Coverage,
     cut: Coverage,
     softmax: Softmax,
@@ -111,7 +110,7 @@ fn build(case: &Case, device: &Device, dtype: DType) -> Built {
         departure: None,
         arrival: None,
     };
-    // No triangle is left out: the emitter is none of these, only its distance counts.
+    // No triangle is left out: the emitter is none of them, and only its distance counts.
     let t_max = context.row(&flat(&case.json["t_max"]));
     let up_to = Rays {
         arrival: Some((Vec::new(), t_max)),
@@ -141,7 +140,7 @@ fn build(case: &Case, device: &Device, dtype: DType) -> Built {
     }
 }
 
-/// Rows by ray as in the file, from planes `[T, N]`.
+/// Returns the rows of planes `[T, N]` by ray, as in the file.
 fn by_ray(t: &Tensor<2>) -> Vec<f64> {
     values(&t.clone().inner().transpose())
 }
@@ -175,7 +174,7 @@ fn assert_gradients(case: &Case, kind: &str, built: &Built, loss: Tensor<1>, rel
             relative * scale.max(1.0),
         );
         if field == "triangles" {
-            // What does not count sends back exactly nothing.
+            // Triangles that do not count have a gradient of exactly 0.
             let t = flat(&case.json["t"]);
             for k in 0..case.triangles {
                 let missed = (0..case.rays).all(|i| t[i * case.triangles + k] < 0.0);
@@ -191,7 +190,7 @@ fn assert_gradients(case: &Case, kind: &str, built: &Built, loss: Tensor<1>, rel
     }
 }
 
-/// Values and gradients of every case on one device.
+/// Checks values and gradients of every case on one device.
 fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
     for case in &cases() {
         let context = Context {
@@ -235,8 +234,8 @@ fn check(device: &Device, dtype: DType, value: f64, gradient: f64) {
     }
 }
 
-/// The ratio W/detach(W) of a drawn surface is 1 and carries the derivative of log W, as `mean`, which
-/// the reference checks, has it of W.
+/// The ratio W/detach(W) of a drawn surface is 1 and carries the derivative of log W. It is compared with
+/// `mean`, whose derivative of W `check` compares with the file.
 fn check_ratio(device: &Device, dtype: DType, gradient: f64) {
     for case in &cases() {
         for k in 0..=case.triangles {
@@ -252,7 +251,7 @@ fn check_one_ratio(case: &Case, device: &Device, dtype: DType, k: usize, gradien
     };
     let built = build(case, device, dtype);
     let weights = built.weights();
-    // What is never drawn needs no ratio.
+    // A surface that is never drawn requires no ratio.
     let weight = if k < case.triangles {
         weights.surfaces.clone().slice([k..k + 1])
     } else {
@@ -263,7 +262,7 @@ fn check_one_ratio(case: &Case, device: &Device, dtype: DType, k: usize, gradien
         .iter()
         .enumerate()
         .map(|(i, &p)| {
-            // Some other surface where it is not.
+            // Where it is impossible, the likeliest surface replaces it.
             let column = |t: &Tensor<2>| values(&t.clone().slice([0..t.dims()[0], i..i + 1]));
             let likeliest = || {
                 let mut all = column(&weights.surfaces);
@@ -318,7 +317,7 @@ fn f32_on_flex() {
 
 #[cfg(feature = "ndarray")]
 #[test]
-#[allow(deprecated)] // burn deprecates ndarray; users ask for it
+#[allow(deprecated)] // burn deprecates ndarray; the feature still supports it
 fn f32_on_ndarray() {
     check(&Device::ndarray(), DType::F32, 2e-4, 2e-3);
 }
@@ -329,7 +328,7 @@ fn a_drawn_weight_carries_its_gradient() {
     check_ratio(&Device::flex(), DType::F64, 1e-12);
 }
 
-/// `SOFTRAY_WGPU_KIND=cpu` takes a software driver.
+/// `SOFTRAY_WGPU_KIND=cpu` selects a software driver.
 #[cfg(feature = "wgpu")]
 #[test]
 fn f32_on_wgpu() {

@@ -1,0 +1,100 @@
+//! The ranges of options.
+
+use super::options::{Engine, RenderOptions};
+use crate::error::{Error, Result};
+
+/// The maximum number of bounces of a path.
+const MOST_BOUNCES: u32 = 10_000;
+
+/// The maximum number of samples per pixel with adaptive sampling.
+const MOST_ADAPTIVE: u32 = 1 << 24;
+
+impl RenderOptions {
+    /// Checks that images with `pixels` pixels in total are within the memory limit.
+    pub(super) fn check_memory(&self, pixels: u128) -> Result<()> {
+        let o = self.outputs;
+        let channels = [(true, 3), (o.opacity, 1), (o.depth, 1), (o.normals, 3)];
+        let channels: u128 = channels.iter().filter(|c| c.0).map(|c| c.1).sum();
+        let bytes = 4 * channels * pixels;
+        if bytes <= u128::from(self.memory_limit) {
+            return Ok(());
+        }
+        let expected = format!(
+            "images within {:.1} GB (RenderOptions::memory_limit); they take {:.1} GB",
+            self.memory_limit as f64 / 1e9,
+            bytes as f64 / 1e9
+        );
+        Err(self.size_error(expected))
+    }
+
+    pub(super) fn size_error(&self, expected: impl Into<String>) -> Error {
+        let size = format!("{} × {}", self.width, self.height);
+        Error::invalid("options", "width × height", size, expected)
+    }
+
+    /// Checks that all values are in their ranges.
+    pub(crate) fn check(&self) -> Result<()> {
+        let wrong = |field, value: &dyn ToString, expected: &str| {
+            Err(Error::invalid(
+                "options",
+                field,
+                value.to_string(),
+                expected,
+            ))
+        };
+        for (field, value) in [
+            ("width", self.width),
+            ("height", self.height),
+            ("samples", self.samples as usize),
+            ("rays_per_tile", self.rays_per_tile.unwrap_or(1)),
+        ] {
+            if value == 0 {
+                return wrong(field, &value, "at least 1");
+            }
+        }
+        if self.width.saturating_mul(self.height) > u32::MAX as usize {
+            return Err(self.size_error("at most 2³² − 1 pixels"));
+        }
+        if self.bounces > MOST_BOUNCES {
+            let surfaces = u64::from(self.bounces) + 1;
+            let most =
+                format!("at most {MOST_BOUNCES}; a path would go on for up to {surfaces} surfaces");
+            return wrong("bounces", &self.bounces, &most);
+        }
+        if !(self.cutoff > 0.0 && self.cutoff < 0.5) {
+            return wrong("cutoff", &self.cutoff, "a number in (0, 0.5)");
+        }
+        self.visibility.check()?;
+        if self.engine == Engine::Kernels && self.visibility.is_softmax() {
+            return wrong("engine", &"Kernels", "Auto or Tensors for the softmax");
+        }
+        if self.adaptive && (self.visibility.is_softmax() || self.engine == Engine::Tensors) {
+            let expected = "false for the softmax and Engine::Tensors";
+            return wrong("adaptive", &true, expected);
+        }
+        if self.adaptive && self.samples > MOST_ADAPTIVE {
+            let expected = "at most 2²⁴ with adaptive sampling";
+            return wrong("samples", &self.samples, expected);
+        }
+        if let Some((index, passes)) = self.pass {
+            let value = format!("{index} of {passes}");
+            if index >= passes || !self.samples.is_multiple_of(passes) {
+                let expected =
+                    "less than the number of passes, which divides the number of samples";
+                return wrong("pass", &value, expected);
+            }
+            if self.adaptive || self.visibility.is_softmax() || self.engine == Engine::Tensors {
+                let expected = "none with adaptive sampling, the softmax or Engine::Tensors";
+                return wrong("pass", &value, expected);
+            }
+        }
+        if let Some(b) = self.bounds {
+            let is_box = b.size().iter().all(|&s| s >= 0.0) && b.radius().is_finite();
+            if !(is_box && b.radius() > 0.0 && b.center().iter().all(|c| c.is_finite())) {
+                let expected = "a finite box, min <= max, that is more than a point";
+                return wrong("bounds", &format!("{b:?}"), expected);
+            }
+        }
+        Ok(())
+    }
+}
