@@ -25,7 +25,7 @@ const START_TARGET: [f64; 3] = [0.3, 0.75, 0.0];
 
 /// Blocks of several colors on a floor.
 fn scene(device: &Device) -> Scene {
-    let block = |size: [f64; 3], place: [f64; 3], degrees: f64, colour: [f64; 3]| {
+    let block = |size: [f64; 3], place: [f64; 3], degrees: f64, color: [f64; 3]| {
         let pose = Transform::new()
             .scale(Tensor::from_floats(size.map(|s| 0.5 * s), device))
             .axis_angle(
@@ -33,7 +33,7 @@ fn scene(device: &Device) -> Scene {
                 Tensor::from_floats([degrees.to_radians()], device),
             )
             .translation(Tensor::from_floats(place, device));
-        Object::new(shapes::cube(device).transformed(&pose)).material(Material::diffuse(colour))
+        Object::new(shapes::cube(device).transformed(&pose)).material(Material::diffuse(color))
     };
     let floor = shapes::quad(
         [-2.0, 0.0, 2.0],

@@ -113,11 +113,11 @@ fn shrink(image: &HostImage, width: usize) -> Result<Option<HostImage>, Box<dyn 
 fn turned(file: &SceneFile, angle: &Tensor<1>) -> softray::Result<Scene> {
     file.scene.clone().map_object("short", |object| {
         object.map_mesh(|mesh| {
-            let centre = mesh.vertices.clone().mean_dim(0).reshape([3]);
+            let center = mesh.vertices.clone().mean_dim(0).reshape([3]);
             let turn = Transform::new()
                 .axis_angle([0.0, 1.0, 0.0], angle.clone())
-                .translation(centre.clone());
-            mesh.translated(centre.neg()).transformed(&turn)
+                .translation(center.clone());
+            mesh.translated(center.neg()).transformed(&turn)
         })
     })
 }

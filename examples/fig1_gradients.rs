@@ -94,10 +94,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
     let (sharp, soft, wide) = (boxed(0.0)?, boxed(0.02)?, boxed(0.1)?);
 
     let largest = differences.iter().fold(0.0f64, |a, x| a.max(x.abs()));
-    let colours = Diverging::new(0.7 * largest)?;
-    let signed = |caption: &str, values: Vec<f64>| {
-        Panel::signed(caption, size, size, values).colours(colours)
-    };
+    let colors = Diverging::new(0.7 * largest)?;
+    let signed =
+        |caption: &str, values: Vec<f64>| Panel::signed(caption, size, size, values).colors(colors);
     let figure = Figure::new("Derivatives and blur")
         .row([
             Panel::new("icosahedron", &image),

@@ -7,7 +7,7 @@ use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use burn::tensor::TensorData;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, MeshRegulariser, Rate, loss};
+use softray::optim::{BlurSchedule, Evaluation, MeshRegularizer, Rate, loss};
 use softray::prelude::*;
 
 use common::study::{Arguments, Failure, Outcome, Study, distance, numbers, picture};
@@ -80,7 +80,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     );
     // The start is a coarse guess: a ball at rest.
     let first = flat(&round).iter().map(|x| 0.8 * x).collect::<Vec<_>>();
-    let topology = MeshRegulariser::from_mesh(&icosahedron)?;
+    let topology = MeshRegularizer::from_mesh(&icosahedron)?;
     let module = Moving {
         vertices: Param::from_tensor(tensor(&first).autodiff()),
         velocity: Param::from_tensor(Tensor::zeros([3], &device.clone().autodiff())),

@@ -23,7 +23,7 @@ const START: [f64; 2] = [0.05, 5.5];
 
 /// A row of balls that leads away from the camera.
 fn scene(device: &Device) -> Scene {
-    let colours = [
+    let colors = [
         [0.8, 0.25, 0.2],
         [0.8, 0.7, 0.2],
         [0.25, 0.7, 0.3],
@@ -50,13 +50,13 @@ fn scene(device: &Device) -> Scene {
     let mut scene = Scene::new()
         .with(Object::new(floor).material(Material::diffuse(ColorTexture::texture(squares))))
         .environment([0.8, 0.85, 0.9]);
-    for (i, colour) in colours.into_iter().enumerate() {
+    for (i, color) in colors.into_iter().enumerate() {
         let i = i as f32;
-        let centre = Tensor::from_floats([-0.75 + 0.55 * i, 0.35, 1.6 - 1.5 * i], device);
+        let center = Tensor::from_floats([-0.75 + 0.55 * i, 0.35, 1.6 - 1.5 * i], device);
         let ball = shapes::icosphere(2, device)
             .scaled(Tensor::from_floats([0.35], device))
-            .translated(centre);
-        scene = scene.with(Object::new(ball).material(Material::diffuse(colour)));
+            .translated(center);
+        scene = scene.with(Object::new(ball).material(Material::diffuse(color)));
     }
     scene
 }

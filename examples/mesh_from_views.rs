@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use burn::module::{Module, Param};
 use clap::Parser;
 use softray::optim::{
-    BlurSchedule, Evaluation, LargeSteps, LargeStepsConfig, MeshRegulariser, Rate, loss,
+    BlurSchedule, Evaluation, LargeSteps, LargeStepsConfig, MeshRegularizer, Rate, loss,
 };
 use softray::prelude::*;
 
@@ -52,7 +52,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let fine = shapes::icosphere(4, &device);
     let points: Vec<[f64; 3]> = fine.host_vertices()?.into_iter().map(formed).collect();
     let goal = Mesh::from_host(&points, fine.faces.to_vec(), &device);
-    let light = |x: f64, z: f64, colour: [f64; 3]| {
+    let light = |x: f64, z: f64, color: [f64; 3]| {
         let corners = [
             [x - 1.0, 5.0, z - 1.0],
             [x + 1.0, 5.0, z - 1.0],
@@ -60,7 +60,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             [x - 1.0, 5.0, z + 1.0],
         ];
         let [a, b, c, d] = corners;
-        Object::new(shapes::quad(a, b, c, d, &device)).material(Material::emitter(colour))
+        Object::new(shapes::quad(a, b, c, d, &device)).material(Material::emitter(color))
     };
     // Light comes from all sides, and its color depends on the direction.
     let scene = |mesh: Mesh| {
@@ -92,7 +92,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         arguments,
         arguments.either(200, 500),
     );
-    let topology = MeshRegulariser::from_mesh(&ball)?;
+    let topology = MeshRegularizer::from_mesh(&ball)?;
     let first = ball.vertices.clone().mul_scalar(0.75);
     let module = Body {
         vertices: Param::from_tensor(first.clone().autodiff()),

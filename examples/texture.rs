@@ -58,12 +58,12 @@ fn pattern(height: usize, width: usize) -> Vec<f32> {
             let (u, v) = (x as f64 / width as f64, y as f64 / height as f64);
             let (stripe, ring) = ((u * 6.0 * TAU).sin() > 0.0, (v * 4.0 * TAU).sin() > 0.0);
             let dot = ((u * 6.0).fract() - 0.5).hypot((v * 4.0).fract() - 0.5) < 0.22;
-            let colour = match (dot, stripe == ring) {
+            let color = match (dot, stripe == ring) {
                 (true, _) => [0.85, 0.75, 0.2],
                 (_, true) => [0.75, 0.2, 0.2],
                 (_, false) => [0.15, 0.3, 0.65],
             };
-            texels.extend(colour.map(|c: f32| c));
+            texels.extend(color.map(|c: f32| c));
         }
     }
     texels
@@ -164,10 +164,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
                 .target(format!("view {view}"), targets[view].clone()))
         })?;
 
-    let grey = Tensor::full([height, width, 3], 0.5, &device);
+    let gray = Tensor::full([height, width, 3], 0.5, &device);
     let found = burn::tensor::activation::sigmoid(fitted.module.logits.val().inner());
     let images = [
-        ("initial", picture(&scene(grey), &cameras[0], &sharp)?),
+        ("initial", picture(&scene(gray), &cameras[0], &sharp)?),
         ("target", picture(&still, &cameras[0], &sharp)?),
         (
             "final",

@@ -1,5 +1,8 @@
-//! A differentiable path tracer on burn: discontinuities are regularised by blurring the geometry
-//! (Quinn et al., *Differentiable Path Tracing by Regularizing Discontinuities*).
+//! A differentiable path tracer on burn.
+//!
+//! Gradients of an image are unbiased, including the boundary terms of silhouettes and shadow edges, which are sampled
+//! explicitly. Rays may be blurred by cones; the softmax visibility of Quinn et al., *Differentiable Path Tracing by
+//! Regularizing Discontinuities*, is available for comparison.
 //!
 //! A [`Scene`](scene::Scene) is a plain value made of tensors. [`render()`](render::render) turns it into an image in
 //! their autodiff graph, so that `backward()` gives gradients to geometry, materials, lights,

@@ -58,7 +58,7 @@ fn main() {
             [81_920, 81_920],
             small,
         ),
-        Step::new("colours alone", 1, [0, 81_920], small),
+        Step::new("colors alone", 1, [0, 81_920], small),
     ];
     for scenes in [16, 64] {
         for faces in [1_280, 20_480, 81_920] {

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use softray::device::{Stage, stages_of, work};
 use softray::prelude::*;
 
-/// Scenes with a body whose vertices are trained and one that stands, or with colours that are trained alone.
+/// Scenes with a body whose vertices are trained and one that stands, or with colors that are trained alone.
 pub struct Step {
     pub name: &'static str,
     scenes: usize,
@@ -105,7 +105,7 @@ impl Step {
 /// What a step is of.
 struct World {
     scene: Scene,
-    /// Vertices of each scene's body `[B, V, 3]`, or one colour `[1, 1, 3]`.
+    /// Vertices of each scene's body `[B, V, 3]`, or one color `[1, 1, 3]`.
     parameter: Tensor<3>,
     moves: bool,
     cache: HierarchyCache,
@@ -128,7 +128,7 @@ impl World {
             let [c, d] = [at(1.0, 1.0), at(1.0, -1.0)];
             shapes::quad(a, b, c, d, device)
         };
-        let matt = |colour: [f64; 3]| Material::diffuse(colour);
+        let matt = |color: [f64; 3]| Material::diffuse(color);
         let mut scene = Scene::new()
             .with(Object::new(square(0.0, 3.0, 1.0)).material(matt([0.7; 3])))
             .with(Object::new(square(4.0, 0.7, -1.0)).material(Material::emitter([9.0; 3])))
@@ -166,9 +166,9 @@ impl World {
             let batch = batch.and_then(|b| b.with_vertices("moves", parameter.clone()));
             return batch.expect("a batch");
         }
-        let colour = parameter.clone().reshape([3]);
+        let color = parameter.clone().reshape([3]);
         let scene = self.scene.clone();
-        let scene = scene.map_object("stands", |o| o.material(Material::diffuse(colour.clone())));
+        let scene = scene.map_object("stands", |o| o.material(Material::diffuse(color.clone())));
         Batch::new(vec![scene.expect("the body")], cameras).expect("a batch")
     }
 }

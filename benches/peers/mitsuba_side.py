@@ -257,7 +257,7 @@ class Moved:
         m = self.motion
         points = dr.unravel(mi.Point3f, self.base)
         if "turn" in m:
-            c = mi.Point3f(*m["centre"])
+            c = mi.Point3f(*m["center"])
             k = dr.normalize(mi.Vector3f(*m["turn"]))
             p = points - c
             s, t = dr.sin(x), dr.cos(x)
@@ -444,23 +444,23 @@ def pose(r, p):
     free = mi.Vector3f(*p["free"])
 
     def fit(distance, seed):
-        optimiser = mi.ad.Adam(lr=r["rate"][0], beta_2=0.99)
-        optimiser["offset"] = mi.Vector3f(*(distance * np.array(p["way"])).tolist())
+        optimizer = mi.ad.Adam(lr=r["rate"][0], beta_2=0.99)
+        optimizer["offset"] = mi.Vector3f(*(distance * np.array(p["way"])).tolist())
 
         def loss(k):
-            parameters[key] = dr.ravel(base + optimiser["offset"] * free)
+            parameters[key] = dr.ravel(base + optimizer["offset"] * free)
             parameters.update()
             image = mi.render(scene, parameters, integrator=how, spp=r["samples"], seed=(seed << 20) + k)
             dr.backward(dr.mean(dr.square(image - target), axis=None))
 
         def step(share, k):
-            optimiser.set_learning_rate(rate(r, share))
+            optimizer.set_learning_rate(rate(r, share))
             loss(k)
-            optimiser.step()
+            optimizer.step()
 
         loss(1 << 19)
-        dr.clear_grad(optimiser["offset"])
-        look = lambda: float(np.linalg.norm(np.array(optimiser["offset"]).reshape(-1) * p["free"]))  # noqa: E731
+        dr.clear_grad(optimizer["offset"])
+        look = lambda: float(np.linalg.norm(np.array(optimizer["offset"]).reshape(-1) * p["free"]))  # noqa: E731
         return clock(r, step, look)
 
     return {"fits": [fit(*start) for start in p["starts"]]}
@@ -499,24 +499,24 @@ def mesh_fit(r, p):
 
     def fit(seed):
         steps = mi.ad.LargeSteps(first, faces, p["lambda"])
-        optimiser = mi.ad.Adam(lr=r["rate"][0], uniform=True)
-        optimiser["u"] = steps.to_differential(first)
+        optimizer = mi.ad.Adam(lr=r["rate"][0], uniform=True)
+        optimizer["u"] = steps.to_differential(first)
 
         def put():
-            parameters[key] = steps.from_differential(optimiser["u"])
+            parameters[key] = steps.from_differential(optimizer["u"])
             parameters.update()
 
         def loss(k):
             backward_views(scene, parameters, sensors, targets, how, r, (seed << 24) + 32 * k, put)
 
         def step(share, k):
-            optimiser.set_learning_rate(rate(r, share))
+            optimizer.set_learning_rate(rate(r, share))
             loss(k)
-            optimiser.step()
+            optimizer.step()
 
         loss(1 << 19)
-        dr.clear_grad(optimiser["u"])
-        look = lambda: np.array(steps.from_differential(optimiser["u"])).reshape(-1).tolist()  # noqa: E731
+        dr.clear_grad(optimizer["u"])
+        look = lambda: np.array(steps.from_differential(optimizer["u"])).reshape(-1).tolist()  # noqa: E731
         return clock(r, step, look)
 
     return {"fits": [fit(seed) for seed in p["seeds"]], "faces": np.array(faces).reshape(-1, 3).tolist()}
@@ -540,15 +540,15 @@ def surface(r, p):
         parameters = mi.traverse(world)
         find = lambda end: next(k for k in parameters.keys() if k.endswith(end))  # noqa: E731
         texture, rough, light = (find(e) for e in ("texture.data", "bsdf.n", "emitter.radiance.value"))
-        optimiser = mi.ad.Adam(lr=r["rate"][0], beta_2=0.99)
-        optimiser["texels"] = parameters[texture]
-        optimiser["log n"] = dr.log(parameters[rough])
-        optimiser["log light"] = dr.log(mi.Color3f(parameters[light]))
+        optimizer = mi.ad.Adam(lr=r["rate"][0], beta_2=0.99)
+        optimizer["texels"] = parameters[texture]
+        optimizer["log n"] = dr.log(parameters[rough])
+        optimizer["log light"] = dr.log(mi.Color3f(parameters[light]))
 
         def put():
-            optimiser["texels"] = dr.clip(optimiser["texels"], 0.001, 0.999)
-            parameters[texture], parameters[rough] = optimiser["texels"], dr.exp(optimiser["log n"])
-            parameters[light] = dr.exp(optimiser["log light"])
+            optimizer["texels"] = dr.clip(optimizer["texels"], 0.001, 0.999)
+            parameters[texture], parameters[rough] = optimizer["texels"], dr.exp(optimizer["log n"])
+            parameters[light] = dr.exp(optimizer["log light"])
             parameters.update()
 
         def loss(k):
@@ -557,18 +557,18 @@ def surface(r, p):
         def step(share, k):
             # Steps of texels as in the tutorials, of logarithms as here and there.
             now = rate(r, share)
-            optimiser.set_learning_rate({"texels": 0.25 * now, "log n": now, "log light": now})
+            optimizer.set_learning_rate({"texels": 0.25 * now, "log n": now, "log light": now})
             loss(k)
-            optimiser.step()
+            optimizer.step()
 
         loss(1 << 19)
-        for name in optimiser.keys():
-            dr.clear_grad(optimiser[name])
+        for name in optimizer.keys():
+            dr.clear_grad(optimizer[name])
 
         def look():
-            light = np.exp(np.array(optimiser["log light"])).reshape(-1).tolist()
-            n = float(np.exp(np.array(optimiser["log n"]).reshape(-1)[0]))
-            return {"texels": np.array(optimiser["texels"]).reshape(-1).tolist(), "alpha": (2 / (n + 2)) ** 0.5, "radiance": light}
+            light = np.exp(np.array(optimizer["log light"])).reshape(-1).tolist()
+            n = float(np.exp(np.array(optimizer["log n"]).reshape(-1)[0]))
+            return {"texels": np.array(optimizer["texels"]).reshape(-1).tolist(), "alpha": (2 / (n + 2)) ** 0.5, "radiance": light}
 
         return clock(r, step, look)
 

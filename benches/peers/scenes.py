@@ -13,7 +13,7 @@ SIZE, BLOCKS = 64, 8
 DOWN_TO_ORIGIN = {"eye": [0, 1.6, 4], "target": [0, 0.7, 0], "up": [0, 1, 0]}
 
 
-def icosphere(level, radius=1.0, centre=(0, 0, 0)):
+def icosphere(level, radius=1.0, center=(0, 0, 0)):
     g = (1 + 5**0.5) / 2
     v = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g)]
     v += [(0, -1, -g), (0, 1, -g), (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)]
@@ -29,10 +29,10 @@ def icosphere(level, radius=1.0, centre=(0, 0, 0)):
         v = np.vstack([v, middle / np.linalg.norm(middle, axis=1, keepdims=True)])
         a, b, c = f.T
         f = np.concatenate([np.stack(t, 1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
-    return v * radius + np.array(centre), f
+    return v * radius + np.array(center), f
 
 
-def torus(large, small, around, across, centre):
+def torus(large, small, around, across, center):
     i, j = np.meshgrid(np.arange(around), np.arange(across), indexing="ij")
     a, b = 2 * math.pi * i / around, 2 * math.pi * j / across
     r = large + small * np.cos(b)
@@ -40,14 +40,14 @@ def torus(large, small, around, across, centre):
     at = lambda i, j: (i % around) * across + j % across  # noqa: E731
     p, q, s, t = at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)
     f = np.concatenate([np.stack([p, q, s], 2), np.stack([p, s, t], 2)]).reshape(-1, 3)
-    return v + np.array(centre), f
+    return v + np.array(center), f
 
 
-def cube(half, centre):
+def cube(half, center):
     v = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
     f = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
     f += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
-    return v + np.array(centre), np.array(f)
+    return v + np.array(center), np.array(f)
 
 
 def quad(*corners):
@@ -64,17 +64,17 @@ def lamp(x, y, z, half):
     return quad(*((x + a, y, z + b) for a, b in corners))
 
 
-def turned(mesh, axis, degrees, centre):
+def turned(mesh, axis, degrees, center):
     v, f = mesh
     a = math.radians(degrees)
     x, y, z = np.array(axis) / np.linalg.norm(axis)
     k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     turn = np.eye(3) + math.sin(a) * k + (1 - math.cos(a)) * k @ k
-    return (v - centre) @ turn.T + centre, f
+    return (v - center) @ turn.T + center, f
 
 
 def write(folder, name, parts, camera, sky=(0, 0, 0), fov=40.0, size=SIZE, materials=None):
-    """Parts are (name, (vertices, faces), {"Kd": colour, "Ks": .., "Ns": .., "Ke": ..}). Meshes are written as arrays
+    """Parts are (name, (vertices, faces), {"Kd": color, "Ks": .., "Ns": .., "Ke": ..}). Meshes are written as arrays
     too, so that what Python needs to read text is not counted as a renderer's."""
     folder = folder / name
     path = folder / "scene.json"
@@ -152,13 +152,13 @@ def images(folder):
 
 
 #: Of the cube under a uniform sky.
-CUBE = {"half": 0.7, "centre": (0.1, 0.05, 0), "axis": (1, 2, 0.5), "degrees": 35, "albedo": 0.3}
+CUBE = {"half": 0.7, "center": (0.1, 0.05, 0), "axis": (1, 2, 0.5), "degrees": 35, "albedo": 0.3}
 CUBE_VIEW = {"eye": [0, 0, 4.5], "target": [0, 0, 0], "up": [0, 1, 0]}
 FINE = {2: "320", 3: "1,280", 4: "5,120", 5: "20,480", 6: "81,920"}
 
 
 def cube_mesh():
-    return turned(cube(CUBE["half"], CUBE["centre"]), CUBE["axis"], CUBE["degrees"], np.array(CUBE["centre"]))
+    return turned(cube(CUBE["half"], CUBE["center"]), CUBE["axis"], CUBE["degrees"], np.array(CUBE["center"]))
 
 
 def cases(folder):
@@ -187,10 +187,10 @@ def cases(folder):
     tall = [3.685, 1.732, 3.505]  # the mean of the corners of its triangles
     found = {
         "shadow": case("a shadow, by its caster's x", known("shadow"), 0, 0.02, "occluder", translate=[1, 0, 0]),
-        "cornell": case("a block of the Cornell box, turned", known("cornell"), 1, 0.02, "tall", turn=[0, 1, 0], centre=tall),
+        "cornell": case("a block of the Cornell box, turned", known("cornell"), 1, 0.02, "tall", turn=[0, 1, 0], center=tall),
         "torus": case(
             "a torus over a floor, tilted", write(folder, "torus", torus_parts, DOWN_TO_ORIGIN, (0.3, 0.35, 0.4)),
-            1, 0.02, "torus", turn=[1, 0, 0], centre=[0, 1.05, 0],
+            1, 0.02, "torus", turn=[1, 0, 0], center=[0, 1.05, 0],
         ),
         "mirror": case(
             "an object in a rough mirror, by its x", write(folder, "mirror", mirror_parts, mirror_view, (0.2, 0.25, 0.3), 55.0),
@@ -283,9 +283,9 @@ def body(folder):
     lamps = [(name, mesh, {"Kd": (0, 0, 0), "Ke": light}) for name, mesh, light in lamps]
     v, f = icosphere(4)
     view = {"eye": [0, 0.3, 3.4], "target": [0, 0, 0], "up": [0, 1, 0]}
-    grey, sky = {"Kd": (0.7,) * 3}, (0.35, 0.4, 0.45)
-    target = write(folder, "body", [("body", (formed(v), f), grey), *lamps], view, sky)
-    return target, write(folder, "body-start", [("body", icosphere(3, 0.75), grey), *lamps], view, sky)
+    gray, sky = {"Kd": (0.7,) * 3}, (0.35, 0.4, 0.45)
+    target = write(folder, "body", [("body", (formed(v), f), gray), *lamps], view, sky)
+    return target, write(folder, "body-start", [("body", icosphere(3, 0.75), gray), *lamps], view, sky)
 
 
 def eyes(count):
@@ -306,7 +306,7 @@ def plate(folder):
 
 
 def pattern(side):
-    """Texels [side, side, 3]: stripes, rings and a slope of colours."""
+    """Texels [side, side, 3]: stripes, rings and a slope of colors."""
     y, x = np.meshgrid(*[(np.arange(side) + 0.5) / side] * 2, indexing="ij")
     stripes = np.sin(2 * math.pi * 3 * x) > 0
     ring = np.abs(np.hypot(x - 0.5, y - 0.5) - 0.3) < 0.08

@@ -44,10 +44,10 @@ pub struct Motion {
     object: String,
     /// By x times this.
     translate: Option<[f64; 3]>,
-    /// By x radians about this axis through `centre`.
+    /// By x radians about this axis through `center`.
     turn: Option<[f64; 3]>,
     #[serde(default)]
-    centre: [f64; 3],
+    center: [f64; 3],
 }
 
 impl Motion {
@@ -69,9 +69,9 @@ impl Motion {
         };
         let mut vertices = vertices.clone();
         if let Some(axis) = self.turn {
-            let centre = row(self.centre);
+            let center = row(self.center);
             let turn = Transform::new().axis_angle(axis, x.clone());
-            vertices = turn.apply(vertices - centre.clone()) + centre;
+            vertices = turn.apply(vertices - center.clone()) + center;
         }
         if let Some(way) = self.translate {
             vertices = vertices + row(way) * x.clone().reshape([1, 1]);

@@ -18,7 +18,7 @@ pub struct Item {
     pub rotation: DQuat,
     pub translation: DVec3,
     /// ColorTexture, RGB.
-    pub colour: [f64; 3],
+    pub color: [f64; 3],
     pub light: Light,
     /// The first eye is [`Eye::INPUT`]. The other eyes have random directions.
     pub eyes: Vec<Eye>,
@@ -47,14 +47,14 @@ impl Item {
             azimuth: n.uniform(0.6, std::f64::consts::TAU - 0.6),
             elevation: n.uniform(0.0, 0.6),
         };
-        let colour = n.vector(0.1, 0.9);
+        let color = n.vector(0.1, 0.9);
         let mut eyes = vec![Eye::INPUT];
         eyes.extend((1..views).map(|_| other(n)));
         Self {
             shape,
             rotation,
             translation: DVec3::new(0.3 * x, 0.22 * y, 0.15 * z),
-            colour,
+            color,
             light,
             eyes,
         }
@@ -89,7 +89,7 @@ impl Item {
 
     /// Renders the item from its cameras.
     fn see(&self, device: &Device, seed: u64) -> softray::Result<Seen> {
-        let scene = scene(self.mesh(device), self.colour, &self.light);
+        let scene = scene(self.mesh(device), self.color, &self.light);
         let cameras = self.eyes.iter().map(|eye| eye.camera()).collect();
         let batch = Batch::new(vec![scene], cameras)?;
         see(&batch, &options(SAMPLES).seed(seed))

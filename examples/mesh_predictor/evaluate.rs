@@ -21,12 +21,12 @@ pub fn predict(data: &Dataset, network: &Network, decoder: &Decoder, device: &De
         let which: Vec<_> = items.iter().map(|&i| (i, 0)).collect();
         let images = data.images(&which, &device.clone().autodiff()).radiance;
         let bodies = decoder.bodies(network.forward(images));
-        (bodies.vertices.inner(), bodies.colour.inner())
+        (bodies.vertices.inner(), bodies.color.inner())
     };
-    let (vertices, colour) = all.chunks(AT_ONCE).map(chunk).unzip();
+    let (vertices, color) = all.chunks(AT_ONCE).map(chunk).unzip();
     Bodies {
         vertices: Tensor::cat(vertices, 0),
-        colour: Tensor::cat(colour, 0),
+        color: Tensor::cat(color, 0),
     }
 }
 
@@ -88,11 +88,11 @@ pub fn mean_body(data: &Dataset, decoder: &Decoder, scale: f64, device: &Device)
     };
     let vertices: Vec<[f64; 3]> = decoder.directions.iter().map(vertex).collect();
     let vertices = Mesh::from_host(&vertices, Vec::new(), device).vertices;
-    let colours = data.items.iter().map(|i| glam::DVec3::from(i.colour));
-    let colour = (colours.sum::<glam::DVec3>() / count).as_vec3().to_array();
+    let colors = data.items.iter().map(|i| glam::DVec3::from(i.color));
+    let color = (colors.sum::<glam::DVec3>() / count).as_vec3().to_array();
     Bodies {
         vertices: vertices.unsqueeze(),
-        colour: Tensor::<1>::from_floats(colour, device).unsqueeze(),
+        color: Tensor::<1>::from_floats(color, device).unsqueeze(),
     }
 }
 

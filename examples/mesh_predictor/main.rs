@@ -20,7 +20,7 @@ use std::time::Instant;
 
 use burn::optim::AdamConfig;
 use clap::Parser;
-use softray::optim::{Fit, MeshRegulariser, Rate};
+use softray::optim::{Fit, MeshRegularizer, Rate};
 
 use common::study::{Arguments, Failure};
 use dataset::Dataset;
@@ -101,7 +101,7 @@ pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcom
         validation: &validation,
         decoder: &coarse,
         measured: &fine,
-        regular: MeshRegulariser::from_mesh(&coarse.ball)?,
+        regular: MeshRegularizer::from_mesh(&coarse.ball)?,
         device: device.clone(),
     };
     let before = predict_and_measure(&validation, &network, &fine, &device)?;

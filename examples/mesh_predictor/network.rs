@@ -26,7 +26,7 @@ pub struct Network {
     offsets: Linear,
     rotation: Linear,
     translation: Linear,
-    colour: Linear,
+    color: Linear,
 }
 
 /// The output of the network for B images.
@@ -38,7 +38,7 @@ pub struct Code {
     /// `[B, 3]`, in scene units.
     pub translation: Tensor<2>,
     /// Albedo `[B, 3]`.
-    pub colour: Tensor<2>,
+    pub color: Tensor<2>,
 }
 
 impl Network {
@@ -62,7 +62,7 @@ impl Network {
             offsets: linear(hidden, 3 * degrees(degree).len()),
             rotation: linear(hidden, 6),
             translation: linear(hidden, 3),
-            colour: linear(hidden, 3),
+            color: linear(hidden, 3),
         }
     }
 
@@ -83,7 +83,7 @@ impl Network {
             offsets: offsets.reshape([count, 3, functions]),
             rotation: self.rotation.forward(x.clone()) + upright,
             translation: tanh(self.translation.forward(x.clone())) * FARTHEST,
-            colour: sigmoid(self.colour.forward(x) * 3.0),
+            color: sigmoid(self.color.forward(x) * 3.0),
         }
     }
 }
@@ -109,7 +109,7 @@ pub struct Bodies {
     /// `[B, V, 3]`, in scene units.
     pub vertices: Tensor<3>,
     /// Albedo `[B, 3]`.
-    pub colour: Tensor<2>,
+    pub color: Tensor<2>,
 }
 
 impl Decoder {
@@ -151,7 +151,7 @@ impl Decoder {
         };
         Bodies {
             vertices: Tensor::stack((0..count).map(placed).collect(), 0),
-            colour: code.colour,
+            color: code.color,
         }
     }
 
@@ -159,7 +159,7 @@ impl Decoder {
     pub fn scene(&self, bodies: &Bodies, i: usize, light: &Light) -> Scene {
         let vertices = bodies.vertices.clone().slice([i..i + 1]).squeeze_dim(0);
         let mesh = self.ball.clone().with_vertices(vertices);
-        scene(mesh, row(&bodies.colour, i), light)
+        scene(mesh, row(&bodies.color, i), light)
     }
 }
 

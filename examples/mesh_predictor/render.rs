@@ -54,11 +54,11 @@ const HALF_LAMP: f64 = 0.8;
 
 impl Light {
     fn lamp(&self, device: &Device) -> Object {
-        let centre = glam::DVec3::from(on_sphere(self.place, LAMP_DISTANCE));
-        let right = glam::DVec3::Y.cross(centre).normalize();
-        let up = centre.normalize().cross(right);
+        let center = glam::DVec3::from(on_sphere(self.place, LAMP_DISTANCE));
+        let right = glam::DVec3::Y.cross(center).normalize();
+        let up = center.normalize().cross(right);
         // Counter-clockwise as viewed from the origin.
-        let corner = |x: f64, y: f64| (centre + HALF_LAMP * (x * right + y * up)).to_array();
+        let corner = |x: f64, y: f64| (center + HALF_LAMP * (x * right + y * up)).to_array();
         let [a, b, c, d] =
             [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)].map(|(x, y)| corner(x, y));
         Object::new(shapes::quad(a, b, c, d, device)).material(Material::emitter(self.radiance))
@@ -69,13 +69,13 @@ impl Light {
 pub const BODY: &str = "body";
 
 /// Returns the scene of a body under a light.
-pub fn scene(body: Mesh, colour: impl Into<softray::scene::ColorTexture>, light: &Light) -> Scene {
+pub fn scene(body: Mesh, color: impl Into<softray::scene::ColorTexture>, light: &Light) -> Scene {
     let device = body.vertices.device().inner();
     Scene::new()
         .with(
             Object::new(body)
                 .named(BODY)
-                .material(Material::diffuse(colour)),
+                .material(Material::diffuse(color)),
         )
         .with(light.lamp(&device))
         .environment(light.environment)

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use softray::optim::{Evaluation, MeshRegulariser, Step, loss};
+use softray::optim::{Evaluation, MeshRegularizer, Step, loss};
 use softray::prelude::*;
 
 use super::dataset::Dataset;
@@ -28,7 +28,7 @@ pub struct Trainer<'a> {
     pub decoder: &'a Decoder,
     /// The decoder for the validation set.
     pub measured: &'a Decoder,
-    pub regular: MeshRegulariser,
+    pub regular: MeshRegularizer,
     /// A device without autodiff.
     pub device: Device,
 }
@@ -80,7 +80,7 @@ impl Trainer<'_> {
     pub fn compare(&self, bodies: &Bodies, batch: &Objects, step: &Step) -> softray::Result<Parts> {
         let template = |(k, &(item, _)): (usize, &(usize, usize))| {
             let light = &self.data.items[item].light;
-            scene(self.decoder.ball.clone(), row(&bodies.colour, k), light)
+            scene(self.decoder.ball.clone(), row(&bodies.color, k), light)
         };
         let scenes = batch.inputs.iter().enumerate().map(template).collect();
         let view = |(k, &(item, eye)): (usize, &(usize, usize))| {
@@ -178,7 +178,7 @@ mod tests {
             settings: &settings,
             data: &data,
             validation: &data,
-            regular: MeshRegulariser::from_mesh(&decoder.ball).expect("faces"),
+            regular: MeshRegularizer::from_mesh(&decoder.ball).expect("faces"),
             decoder: &decoder,
             measured: &decoder,
             device,

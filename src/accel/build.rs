@@ -41,7 +41,7 @@ pub(super) fn tree(triangles: &[HostTriangle], spare: Spare) -> (Bvh2, bool) {
     let boxes: Vec<Swept> = triangles.iter().enumerate().map(apart).collect();
     let tree = cluster(&boxes);
     if !is_crowded(&tree) {
-        return (optimised(tree), true);
+        return (optimized(tree), true);
     }
     let Some(kept) = spare.and_then(|spare| without_copies(triangles, spare)) else {
         // The optimization would compare each of these boxes with all of them.
@@ -53,7 +53,7 @@ pub(super) fn tree(triangles: &[HostTriangle], spare: Spare) -> (Bvh2, bool) {
     let tree = cluster(&boxes);
     let mut tree = match is_crowded(&tree) {
         true => collapsed(tree),
-        false => optimised(tree),
+        false => optimized(tree),
     };
     for k in &mut tree.primitive_indices {
         *k = kept[*k as usize];
@@ -81,13 +81,13 @@ fn collapsed(mut tree: Bvh2) -> Bvh2 {
 }
 
 /// The same steps as `obvhs::bvh2::builder::build_bvh2`.
-fn optimised(mut tree: Bvh2) -> Bvh2 {
+fn optimized(mut tree: Bvh2) -> Bvh2 {
     let ratio = PARAMETERS.reinsertion_batch_ratio;
     let after = ratio * PARAMETERS.post_collapse_reinsertion_batch_ratio_multiplier;
-    let mut optimiser = ReinsertionOptimizer::default();
-    optimiser.run(&mut tree, ratio, None);
+    let mut optimizer = ReinsertionOptimizer::default();
+    optimizer.run(&mut tree, ratio, None);
     let mut tree = collapsed(tree);
-    optimiser.run(&mut tree, after, None);
+    optimizer.run(&mut tree, after, None);
     tree
 }
 

@@ -92,9 +92,9 @@ impl GpuTree {
         }
         let of = |k: &u32| triangles[*k as usize].swept();
         let all = &mut self.triangles[list.clone()];
-        let centres = all.iter().map(|k| of(k).center());
-        let centres = centres.fold(Aabb::INVALID, |mut all, centre| *all.extend(centre));
-        let axis = centres.diagonal().max_position();
+        let centers = all.iter().map(|k| of(k).center());
+        let centers = centers.fold(Aabb::INVALID, |mut all, center| *all.extend(center));
+        let axis = centers.diagonal().max_position();
         all.sort_by(|a, b| of(a).center()[axis].total_cmp(&of(b).center()[axis]));
         let middle = list.start + list.len() / 2;
         let halves = [list.start..middle, middle..list.end];

@@ -48,7 +48,7 @@ impl Axis {
             self.divide_log(count);
         } else {
             let (step, values) = round_values(self.from, self.to, count);
-            self.ticks = labelled(step, &values);
+            self.ticks = labeled(step, &values);
         }
         self
     }
@@ -76,7 +76,7 @@ impl Axis {
         if few < 3 {
             let (step, values) = round_values(10f64.powf(from), 10f64.powf(to), count);
             let logarithm = |(v, label): (f64, String)| (v.log10(), label);
-            self.ticks = labelled(step, &values).into_iter().map(logarithm).collect();
+            self.ticks = labeled(step, &values).into_iter().map(logarithm).collect();
             return;
         }
         let (ticks, minor): (Vec<_>, Vec<_>) = all.into_iter().partition(|&(m, p)| chosen(m, p));
@@ -127,7 +127,7 @@ fn round_values(from: f64, to: f64, count: usize) -> (f64, Vec<f64>) {
     (step, values.collect())
 }
 
-fn labelled(step: f64, values: &[f64]) -> Vec<(f64, String)> {
+fn labeled(step: f64, values: &[f64]) -> Vec<(f64, String)> {
     let most = values.iter().fold(0f64, |m, v| m.max(v.abs()));
     let decimals = (-step.log10() - 1e-9).ceil().max(0.0) as usize;
     let plain = most < 1e5 && (most >= 1e-2 && decimals < 5);

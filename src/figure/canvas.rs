@@ -38,7 +38,7 @@ pub(super) enum Anchor {
 /// The style of a line.
 #[derive(Clone, Copy)]
 pub(super) struct Stroke {
-    pub colour: Rgb,
+    pub color: Rgb,
     pub width: f64,
     /// The lengths of dashes and of the gaps between them.
     pub dashes: Option<(f64, f64)>,
@@ -93,14 +93,14 @@ impl Canvas {
         for y in (0..height + 2).take_while(|y| top + y < rows) {
             for x in (0..width + 2).take_while(|x| left + x < columns) {
                 let inside = (1..=width).contains(&x) && (1..=height).contains(&y);
-                let colour = if inside {
+                let color = if inside {
                     let source = (y - 1) / factor * image.width + (x - 1) / factor;
                     std::array::from_fn(|c| srgb_byte(image.pixels[3 * source + c]))
                 } else {
                     FRAME
                 };
                 let start = 4 * ((top + y) * columns + left + x);
-                bytes[start..start + 3].copy_from_slice(&colour);
+                bytes[start..start + 3].copy_from_slice(&color);
             }
         }
     }
@@ -110,12 +110,12 @@ impl Canvas {
     }
 
     /// Draws a filled rectangle from its upper left to its lower right corner.
-    pub fn rectangle(&mut self, from: (f64, f64), to: (f64, f64), colour: Rgb) {
+    pub fn rectangle(&mut self, from: (f64, f64), to: (f64, f64), color: Rgb) {
         let [left, top, right, bottom] = [from.0, from.1, to.0, to.1].map(|v| v as f32);
         if let Some(rectangle) = Rect::from_ltrb(left, top, right, bottom) {
             let transform = self.transform();
             self.page
-                .fill_rect(rectangle, &paint(colour), transform, None);
+                .fill_rect(rectangle, &paint(color), transform, None);
         }
     }
 
@@ -144,13 +144,13 @@ impl Canvas {
         if let Some(path) = path.finish() {
             let transform = self.transform();
             self.page
-                .stroke_path(&path, &paint(stroke.colour), &style, transform, None);
+                .stroke_path(&path, &paint(stroke.color), &style, transform, None);
         }
     }
 
-    pub fn dot(&mut self, (x, y): (f64, f64), colour: Rgb) {
+    pub fn dot(&mut self, (x, y): (f64, f64), color: Rgb) {
         if let Some(circle) = PathBuilder::from_circle(x as f32, y as f32, 3.0) {
-            self.fill(&circle, colour, self.transform());
+            self.fill(&circle, color, self.transform());
         }
     }
 
@@ -173,8 +173,8 @@ impl Canvas {
         }
     }
 
-    fn fill(&mut self, path: &Path, colour: Rgb, transform: Transform) {
-        let paint = paint(colour);
+    fn fill(&mut self, path: &Path, color: Rgb, transform: Transform) {
+        let paint = paint(color);
         self.page
             .fill_path(path, &paint, FillRule::Winding, transform, None);
     }

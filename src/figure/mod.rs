@@ -2,7 +2,7 @@
 
 mod axis;
 mod canvas;
-mod colour;
+mod color;
 mod panel;
 mod plot;
 mod text;
@@ -12,7 +12,7 @@ use std::path::Path;
 use crate::error::Result;
 use crate::io::HostImage;
 use canvas::{Anchor, Canvas};
-pub use colour::Diverging;
+pub use color::Diverging;
 use panel::Cell;
 pub use panel::Panel;
 pub use plot::Plot;

@@ -45,7 +45,7 @@ impl Panel {
     }
 
     /// Makes a panel of height · width signed numbers, row by row from the top, such as a derivative or a difference.
-    /// Its color map is [`Diverging::of`] the numbers unless [`Panel::colours`] sets another.
+    /// Its color map is [`Diverging::of`] the numbers unless [`Panel::colors`] sets another.
     pub fn signed(
         caption: impl Into<String>,
         width: usize,
@@ -53,10 +53,10 @@ impl Panel {
         values: impl Into<Vec<f64>>,
     ) -> Self {
         let values = values.into();
-        let colours = Diverging::of(&values);
+        let colors = Diverging::of(&values);
         Self {
             caption: caption.into(),
-            content: Content::Signed([width, height], values, colours),
+            content: Content::Signed([width, height], values, colors),
         }
     }
 
@@ -84,9 +84,9 @@ impl Panel {
 
     /// Sets the color map of a signed image, so that several images can share a scale. An image of radiance does not
     /// change.
-    pub fn colours(mut self, map: Diverging) -> Self {
-        if let Content::Signed(.., colours) = &mut self.content {
-            *colours = map;
+    pub fn colors(mut self, map: Diverging) -> Self {
+        if let Content::Signed(.., colors) = &mut self.content {
+            *colors = map;
         }
         self
     }
@@ -94,7 +94,7 @@ impl Panel {
     /// The color map of a signed image.
     fn map(&self) -> Option<Diverging> {
         match self.content {
-            Content::Signed(.., colours) => Some(colours),
+            Content::Signed(.., colors) => Some(colors),
             Content::Radiance(_) => None,
         }
     }
@@ -282,15 +282,15 @@ mod tests {
         let panel = Panel::difference("d", &image(0.1, 0.5), &image(0.4, 0.2)).expect("a panel");
         let scale = panel.map().expect("a map").scale();
         assert!((scale - 0.3).abs() < 1e-6, "{scale}");
-        let colours = panel.image().expect("an image").pixels;
-        assert!(colours[0] < colours[2] && colours[3] > colours[5]);
-        let wide = panel.colours(Diverging::new(3.0).expect("a map"));
+        let colors = panel.image().expect("an image").pixels;
+        assert!(colors[0] < colors[2] && colors[3] > colors[5]);
+        let wide = panel.colors(Diverging::new(3.0).expect("a map"));
         assert_eq!(wide.map().expect("a map").scale(), 3.0);
-        assert!(wide.image().expect("an image").pixels[0] > colours[0]);
+        assert!(wide.image().expect("an image").pixels[0] > colors[0]);
     }
 
     #[test]
-    fn colour_scales_have_numbers_on_both_sides() {
+    fn color_scales_have_numbers_on_both_sides() {
         for k in 0..500 {
             let map = Diverging::new(1e-7 * 1.1f64.powi(k)).expect("a map");
             for height in [64, 256, 1000] {

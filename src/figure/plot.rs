@@ -21,7 +21,7 @@ const INK: Rgb = [60; 3];
 const GRID: Rgb = [228; 3];
 const FAINT_GRID: Rgb = [243; 3];
 /// Colors that are dark enough on white, and distinct for color-blind readers (Okabe and Ito).
-const COLOURS: [Rgb; 7] = [
+const COLORS: [Rgb; 7] = [
     [0, 114, 178],
     [213, 94, 0],
     [0, 158, 115],
@@ -101,16 +101,16 @@ impl Plot {
 fn curve_stroke(i: usize) -> Stroke {
     let dashes = [None, Some((7.0, 3.0)), Some((2.0, 2.0))];
     Stroke {
-        colour: COLOURS[i % COLOURS.len()],
+        color: COLORS[i % COLORS.len()],
         width: 1.7,
-        dashes: dashes[i / COLOURS.len() % dashes.len()],
+        dashes: dashes[i / COLORS.len() % dashes.len()],
     }
 }
 
 fn line_stroke(i: usize) -> Stroke {
     let dashes = [(6.0, 4.0), (2.0, 2.5), (11.0, 3.0)];
     Stroke {
-        colour: INK,
+        color: INK,
         width: 1.3,
         dashes: Some(dashes[i % dashes.len()]),
     }
@@ -228,13 +228,13 @@ fn draw_frame(plot: &Plot, top: f64, height: f64, pen: &mut Canvas) -> f64 {
     let across = |share: f64| left + share * (right - left);
     let up = |share: f64| bottom - share * (bottom - top);
     // Lines one pixel thick, aligned with the pixels.
-    let row = |pen: &mut Canvas, y: f64, colour| {
+    let row = |pen: &mut Canvas, y: f64, color| {
         let y = (y - 0.5).round();
-        pen.rectangle((left, y), (right, y + 1.0), colour)
+        pen.rectangle((left, y), (right, y + 1.0), color)
     };
-    let column = |pen: &mut Canvas, x: f64, colour| {
+    let column = |pen: &mut Canvas, x: f64, color| {
         let x = (x - 0.5).round();
-        pen.rectangle((x, top), (x + 1.0, bottom), colour)
+        pen.rectangle((x, top), (x + 1.0, bottom), color)
     };
     for &place in &y.minor {
         row(pen, up(y.share(place)), FAINT_GRID);
@@ -266,7 +266,7 @@ fn draw_frame(plot: &Plot, top: f64, height: f64, pen: &mut Canvas) -> f64 {
     for (i, points) in curves.iter().enumerate() {
         let places: Vec<_> = points.iter().filter_map(|&p| place(p)).collect();
         match places[..] {
-            [only] => pen.dot(only, curve_stroke(i).colour),
+            [only] => pen.dot(only, curve_stroke(i).color),
             _ => pen.line(&places, curve_stroke(i)),
         }
     }

@@ -61,10 +61,10 @@ fn signed_images_have_a_scale_beside_them() {
     let plain = figure(Panel::new("", &flat(4, 4, 0.5)));
     assert_eq!(signed.height, plain.height);
     let pixel = |x: usize, y: usize| &signed.pixels[3 * (y * signed.width + x)..][..3];
-    let coloured = |x: &usize, y: usize| pixel(*x, y)[0] != pixel(*x, y)[2];
+    let colored = |x: &usize, y: usize| pixel(*x, y)[0] != pixel(*x, y)[2];
     let frame = MARGIN + 256 + 2;
     let columns: Vec<usize> = (frame..signed.width)
-        .filter(|x| coloured(x, MARGIN + 3))
+        .filter(|x| colored(x, MARGIN + 3))
         .collect();
     assert!(
         columns.len() >= 10 && columns[0] < frame + 12,
@@ -76,12 +76,12 @@ fn signed_images_have_a_scale_beside_them() {
         top[0] > 3.0 * top[2] && bottom[2] > 3.0 * bottom[0],
         "{top:?}, {bottom:?}"
     );
-    let centre = pixel(middle, MARGIN + 1 + 128);
-    assert!(centre.iter().all(|v| *v > 0.95), "{centre:?}");
+    let center = pixel(middle, MARGIN + 1 + 128);
+    assert!(center.iter().all(|v| *v > 0.95), "{center:?}");
     // The image has the color of the scale's upper end, and numbers are to the right.
     assert_eq!(
         pixel(MARGIN + 100, MARGIN + 100),
-        Diverging::of(&[1.0]).colour(1.0)
+        Diverging::of(&[1.0]).color(1.0)
     );
     let ink = |x: usize| (0..signed.height).any(|y| pixel(x, y)[0] < 0.1);
     assert!((middle + 12..signed.width).any(ink));
@@ -105,7 +105,7 @@ fn curves_fill_their_frames() {
 #[test]
 fn mistakes_are_named() {
     let folder = std::env::temp_dir().join(format!("softray-figure-{}", std::process::id()));
-    let figure = Figure::new("").row([("grey", &flat(2, 2, 0.5))]);
+    let figure = Figure::new("").row([("gray", &flat(2, 2, 0.5))]);
     let missing = figure.write(folder.join("a.png")).expect_err("no folder");
     assert!(
         missing.to_string().contains("there is no folder"),

@@ -111,7 +111,7 @@ mod tests {
     fn lines_are_no_wider_than_asked() {
         let font = Font::new().expect("a font");
         let text =
-            "difference of the render and its target, averagedoverallthreechannelsofcolour\nend";
+            "difference of the render and its target, averagedoverallthreechannelsofcolor\nend";
         for width in [40.0, 90.0, 200.0, 1000.0] {
             let lines = font.wrapped(text, 15.0, width);
             assert!(

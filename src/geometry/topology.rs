@@ -15,7 +15,7 @@ pub struct Topology {
     /// Whether the object of each triangle is closed.
     pub closed: Vec<bool>,
     /// Triangles of the same object that share a welded vertex.
-    pub neighbours: Neighbours,
+    pub neighbors: Neighbors,
     /// The side of each triangle that rays can see: for a closed object +1 for n·d > 0 or −1 for n·d < 0, d the
     /// direction of the ray; for an open object 0, which is both sides.
     pub visible_side: Vec<f64>,
@@ -24,14 +24,14 @@ pub struct Topology {
 /// The triangles that share a vertex: the place (welded vertex) of each corner, and the triangles at each place. The
 /// size is linear in the triangles, however many of them share one place.
 #[derive(Clone, Debug)]
-pub struct Neighbours {
+pub struct Neighbors {
     corners: Vec<[u32; 3]>,
     /// The start of each place in `list`, and the end of the last.
     starts: Vec<usize>,
     list: Vec<u32>,
 }
 
-impl Default for Neighbours {
+impl Default for Neighbors {
     fn default() -> Self {
         Self {
             corners: Vec::new(),
@@ -41,14 +41,14 @@ impl Default for Neighbours {
     }
 }
 
-impl Neighbours {
+impl Neighbors {
     /// Creates triangles without neighbors.
     #[cfg(test)]
     pub fn none(triangles: usize) -> Self {
-        let mut neighbours = Self::default();
+        let mut neighbors = Self::default();
         let corners = (0..triangles as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]);
-        neighbours.push_object(corners.collect(), 3 * triangles);
-        neighbours
+        neighbors.push_object(corners.collect(), 3 * triangles);
+        neighbors
     }
 
     /// Returns the neighbors of a triangle. Some may occur more than once.
@@ -204,7 +204,7 @@ impl Topology {
             .any(|w| w[0] == w[1] || w[1] == w[2] || w[2] == w[0]);
         let closed = !faces.is_empty() && once && !loops && edges == directed(true);
 
-        self.neighbours.push_object(corners, weld.count);
+        self.neighbors.push_object(corners, weld.count);
         let n = faces.len();
         self.object.extend(std::iter::repeat_n(object, n));
         self.material.extend_from_slice(&materials[..n]);

@@ -13,7 +13,7 @@ use super::launch_backward::Pass;
 use super::loss::Loss;
 use super::sums::TYPICAL;
 use crate::model::choice::is_positive;
-use crate::model::film::{BLOCK, CELL, NEIGHBOURS, samples_of_film};
+use crate::model::film::{BLOCK, CELL, NEIGHBORS, samples_of_film};
 use crate::model::numbers::{is_finite, is_nonzero};
 use crate::trace::{Features, HeaderWord, NONE};
 
@@ -180,7 +180,7 @@ fn look_around(grid: Grid, films: &[u32], cells: &[f32], near: &mut [f32], rows:
             sum += of_row;
         }
         // The cell's own pixels have the largest weight.
-        near[ABSOLUTE_POS] = NEIGHBOURS * sum + cells[grid.at(view, column, row)];
+        near[ABSOLUTE_POS] = NEIGHBORS * sum + cells[grid.at(view, column, row)];
         if column == 0 {
             for k in 0..OF_CELL {
                 let mut of_row = 0.0f32;

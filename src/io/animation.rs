@@ -12,7 +12,7 @@ use crate::render::{Batch, RenderOptions, render_batch};
 use crate::scene::{Camera, Detach, Scene, visit_camera, visit_scene};
 
 /// The speed of the search for the 256 colors of a frame, from 1 (best) to 30 (fastest).
-const QUANTISER_SPEED: i32 = 3;
+const QUANTIZER_SPEED: i32 = 3;
 
 /// GIF measures time in hundredths of a second.
 const TICKS_PER_SECOND: f64 = 100.0;
@@ -128,7 +128,7 @@ impl Animation {
         Error::unless(valid, "animation", "size", size, expected)?;
         let encoded = |e| Error::format(path, format!("it can't be written: {e}"));
         write_whole(path, |file| {
-            let mut encoder = GifEncoder::new_with_speed(file, QUANTISER_SPEED);
+            let mut encoder = GifEncoder::new_with_speed(file, QUANTIZER_SPEED);
             encoder.set_repeat(Repeat::Infinite).map_err(encoded)?;
             for (index, image) in self.frames.iter().enumerate() {
                 let duration = Delay::from_numer_denom_ms(10 * ticks(index, rate), 1);

@@ -125,7 +125,7 @@ fn template(from: &MeshDescription, mirrored: bool, device: &Device) -> Mesh {
     let count = mesh.faces.len();
     mesh.uvs = attribute(&from.uvs, count, mirrored, device);
     mesh.normals = attribute(&from.normals, count, mirrored, device);
-    mesh.colours = attribute(&from.colours, count, mirrored, device);
+    mesh.colors = attribute(&from.colors, count, mirrored, device);
     mesh.tangents = attribute(&from.tangents, count, mirrored, device);
     mesh
 }

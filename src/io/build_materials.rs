@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashMap};
 
 use burn::tensor::{Device, Tensor};
 
-use super::description::{Alpha, Colour, Description, MaterialDescription, OwnBsdf, TextureUse};
+use super::description::{Alpha, Color, Description, MaterialDescription, OwnBsdf, TextureUse};
 use super::limits::Place;
 use super::textures::Textures;
 use crate::error::Result;
@@ -83,7 +83,7 @@ impl<'a> Materials<'a> {
             material.normal_map = material.normal_map.map(|map| NormalMap { wrap, ..map });
         }
         material.alpha_mask = self.mask(from)?;
-        let emission = self.colour(&from.emission)?;
+        let emission = self.color(&from.emission)?;
         // Many exporters write a black texture for what does not emit.
         if emission.shines() {
             material.emission = emission;
@@ -101,7 +101,7 @@ impl<'a> Materials<'a> {
     }
 
     fn bsdf(&mut self, from: &MaterialDescription) -> Result<Material> {
-        let base = self.bounded(&from.base_colour)?;
+        let base = self.bounded(&from.base_color)?;
         let texture = from.metallic_roughness_texture;
         let roughness = |this: &mut Self| this.number(from.roughness, texture, ROUGHNESS);
         let only_metal = from.metallic == 1.0 && texture.is_none();
@@ -150,27 +150,27 @@ impl<'a> Materials<'a> {
     }
 
     /// The albedo of Phong's lobe: at most so much that no more light leaves than arrives.
-    fn specular(&mut self, colour: &Colour, base: &Bounded, name: &str) -> Result<ColorTexture> {
-        let specular = self.bounded(colour)?;
+    fn specular(&mut self, color: &Color, base: &Bounded, name: &str) -> Result<ColorTexture> {
+        let specular = self.bounded(color)?;
         // While textures are counted nothing is known of their texels.
         if self.textures.counting || !specular.albedo.reflects() {
             return Ok(specular.albedo);
         }
-        let share = self.share_of_gloss(base, &specular, colour)?;
+        let share = self.share_of_gloss(base, &specular, color)?;
         if share >= 1.0 - 1e-6 {
             return Ok(specular.albedo);
         }
         self.description.notes.add(SCALED, name);
-        let scaled = |colour: [f64; 3]| colour.map(|v| v * share);
-        self.colour(&Colour {
-            plain: scaled(colour.plain),
-            texture: colour.texture.map(|(texture, by)| (texture, scaled(by))),
+        let scaled = |color: [f64; 3]| color.map(|v| v * share);
+        self.color(&Color {
+            plain: scaled(color.plain),
+            texture: color.texture.map(|(texture, by)| (texture, scaled(by))),
         })
     }
 
     /// The share of a specular albedo with which no more light leaves than arrives.
-    fn share_of_gloss(&mut self, base: &Bounded, of: &Bounded, colour: &Colour) -> Result<f64> {
-        let share = match (&base.albedo, &of.albedo, colour.texture) {
+    fn share_of_gloss(&mut self, base: &Bounded, of: &Bounded, color: &Color) -> Result<f64> {
+        let share = match (&base.albedo, &of.albedo, color.texture) {
             (
                 ColorTexture::Texture { texels: kd, .. },
                 ColorTexture::Texture { texels: ks, .. },
@@ -190,18 +190,18 @@ impl<'a> Materials<'a> {
         Ok(share.max(0.0))
     }
 
-    fn colour(&mut self, colour: &Colour) -> Result<ColorTexture> {
-        Ok(self.bounded(colour)?.albedo)
+    fn color(&mut self, color: &Color) -> Result<ColorTexture> {
+        Ok(self.bounded(color)?.albedo)
     }
 
-    fn bounded(&mut self, colour: &Colour) -> Result<Bounded> {
+    fn bounded(&mut self, color: &Color) -> Result<Bounded> {
         // Black times a texture is black.
-        let texture = colour.texture.filter(|(_, factor)| *factor != [0.0; 3]);
+        let texture = color.texture.filter(|(_, factor)| *factor != [0.0; 3]);
         let (texture, factor) = texture.unzip();
         let found = self.textures.found(texture)?;
         Ok(match found.zip(factor) {
             Some((TextureUse { image, wrap }, factor)) => {
-                let texels = self.textures.colours(image, factor)?;
+                let texels = self.textures.colors(image, factor)?;
                 Bounded {
                     albedo: ColorTexture::Texture {
                         texels: texels.tensor,
@@ -211,8 +211,8 @@ impl<'a> Materials<'a> {
                 }
             }
             None => Bounded {
-                albedo: colour.plain.into(),
-                largest: colour.plain,
+                albedo: color.plain.into(),
+                largest: color.plain,
             },
         })
     }
@@ -227,7 +227,7 @@ impl<'a> Materials<'a> {
             }
             Alpha::Mask { factor, cutoff } => (factor, cutoff),
         };
-        let texture = from.base_colour.texture.map(|(texture, _)| texture);
+        let texture = from.base_color.texture.map(|(texture, _)| texture);
         let (alpha, wrap): (Tensor<2>, _) = match self.textures.found(texture)? {
             Some(TextureUse { image, wrap }) => (self.textures.alpha(image, factor)?, wrap),
             None => (Tensor::full([1, 1], factor, self.device), Wrap::Repeat),

@@ -45,7 +45,7 @@ impl Decoded {
 
     /// Returns linear RGB, row by row. Values that are not linear are decoded from sRGB. Gray becomes RGB, and alpha
     /// is dropped.
-    pub fn colours(&self) -> Vec<f32> {
+    pub fn colors(&self) -> Vec<f32> {
         match self.linear {
             true => self.numbers(),
             false => decode_srgb(&self.image),

@@ -45,7 +45,7 @@ pub(super) struct MeshDescription {
     pub uvs: Corners<2>,
     pub normals: Corners<3>,
     /// Linear RGB, which multiplies the base color.
-    pub colours: Corners<3>,
+    pub colors: Corners<3>,
     /// Tangents for normal maps. The fourth number is the side of the bitangent, 1 or −1.
     pub tangents: Corners<4>,
     /// Indices of the scene's materials that are used. `None` is the default material.
@@ -71,14 +71,14 @@ impl<const C: usize> Corners<C> {
 
 /// The color of a surface.
 #[derive(Clone, Copy)]
-pub(super) struct Colour {
+pub(super) struct Color {
     /// Linear RGB, used if there is no texture or its image cannot be read.
     pub plain: [f64; 3],
     /// A texture (sRGB), and the linear color that multiplies it.
     pub texture: Option<(TextureUse, [f64; 3])>,
 }
 
-impl Colour {
+impl Color {
     /// Returns a color that multiplies a texture, if there is one.
     pub fn times(factor: [f64; 3], texture: Option<TextureUse>) -> Self {
         Self {
@@ -91,7 +91,7 @@ impl Colour {
 /// A material of glTF's metallic-roughness model with its extensions.
 pub(super) struct MaterialDescription {
     pub name: String,
-    pub base_colour: Colour,
+    pub base_color: Color,
     pub alpha: Alpha,
     /// Multiplies the blue channel of the texture (linear).
     pub metallic: f64,
@@ -101,7 +101,7 @@ pub(super) struct MaterialDescription {
     /// A normal map (linear) and a factor for its x and y.
     pub normal: Option<(TextureUse, f64)>,
     /// Radiance.
-    pub emission: Colour,
+    pub emission: Color,
     pub ior: f64,
     /// The share of the light that is not reflected which is transmitted.
     pub transmission: f64,
@@ -120,7 +120,7 @@ pub(super) struct MaterialDescription {
 /// A BSDF that glTF has no field for.
 pub(super) enum OwnBsdf {
     /// A Phong lobe in addition to the diffuse one: its albedo and exponent.
-    Phong { albedo: Colour, shininess: f64 },
+    Phong { albedo: Color, shininess: f64 },
     /// A metal, by the real and imaginary part of its index of refraction, RGB.
     Conductor { eta: [f64; 3], extinction: [f64; 3] },
 }
@@ -129,13 +129,13 @@ impl Default for MaterialDescription {
     fn default() -> Self {
         Self {
             name: "default".into(),
-            base_colour: Colour::times([1.0; 3], None),
+            base_color: Color::times([1.0; 3], None),
             alpha: Alpha::Opaque,
             metallic: 1.0,
             roughness: 1.0,
             metallic_roughness_texture: None,
             normal: None,
-            emission: Colour::times([0.0; 3], None),
+            emission: Color::times([0.0; 3], None),
             ior: 1.5,
             transmission: 0.0,
             solid: false,

@@ -3,9 +3,9 @@
 use super::HostImage;
 
 /// The median luminance of the lit pixels of a well-exposed picture: the luminance of a gray card.
-const GREY: f64 = 0.18;
+const GRAY: f64 = 0.18;
 
-/// The deviation from [`GREY`], in stops, above which a picture counts as too bright or too dark. A white surface in
+/// The deviation from [`GRAY`], in stops, above which a picture counts as too bright or too dark. A white surface in
 /// white light is 2.5 stops brighter.
 const TOLERANCE: f64 = 3.0;
 
@@ -44,7 +44,7 @@ impl HostImage {
         }
         let middle = lit.len() / 2;
         let (_, median, _) = lit.select_nth_unstable_by(middle, f64::total_cmp);
-        let stops = (GREY / *median).log2();
+        let stops = (GRAY / *median).log2();
         match stops.abs() > TOLERANCE {
             true => (10.0 * stops).round() / 10.0,
             false => 0.0,
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn the_median_of_what_is_lit_becomes_grey() {
+    fn the_median_of_what_is_lit_becomes_gray() {
         // Neither the black background nor the far brighter pixel changes the median.
         let candela = image(&[0.0, 0.0, 0.0, 90.0, 100.0, 1e6]);
         let stops = candela.automatic_exposure();

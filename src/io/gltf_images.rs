@@ -65,14 +65,14 @@ impl Texels {
             let values = self.values.clone();
             return Self { values, ..*self };
         }
-        let centre = |i: usize, of: usize, size: usize| {
+        let center = |i: usize, of: usize, size: usize| {
             ((i as f64 + 0.5) / of as f64 * size as f64 - 0.5) as f32
         };
         let image = Texture::new(0, [columns, rows], self.wrap);
         let mut values = Vec::with_capacity(height * width * channels);
         for y in 0..height {
             for x in 0..width {
-                let cell = image.cell(centre(x, width, columns), centre(y, height, rows));
+                let cell = image.cell(center(x, width, columns), center(y, height, rows));
                 for c in 0..channels {
                     let value = |k| self.values[cell.texel(k) as usize * channels + c];
                     values.push((0..4).map(|k| value(k) * cell.share(k)).sum());
@@ -93,7 +93,7 @@ impl Texels {
 pub(super) struct Picture {
     pub texels: HostImage,
     /// Whether the file stores the values as sRGB.
-    pub colours: bool,
+    pub colors: bool,
     /// One value per pixel, in [0, 1].
     pub alpha: Option<Vec<f32>>,
 }
@@ -107,14 +107,14 @@ impl Picture {
         let short = self.fits_bytes();
         let number = |v: f32, most: f32| (v.clamp(0.0, 1.0) * most).round() as u16;
         let linear = |v: f32| number(v, if short { 255.0 } else { 65535.0 });
-        let colour = |v: f32| match (self.colours, short) {
+        let color = |v: f32| match (self.colors, short) {
             (true, true) => u16::from(srgb_byte(v)),
             (true, false) => srgb_word(v),
             (false, _) => linear(v),
         };
         let mut words = Vec::with_capacity(pixels.len() / 3 * 4);
         for (i, rgb) in pixels.chunks_exact(3).enumerate() {
-            words.extend(rgb.iter().map(|&v| colour(v)));
+            words.extend(rgb.iter().map(|&v| color(v)));
             words.extend(self.alpha.iter().map(|alpha| linear(alpha[i])));
         }
         let (bytes, kind): (Vec<u8>, _) = match (short, self.alpha.is_some()) {
@@ -138,7 +138,7 @@ impl Picture {
 
     fn fits_bytes(&self) -> bool {
         let byte = |v: &f32| (v * 255.0 - (v * 255.0).round()).abs() < 1e-4;
-        let fit = match self.colours {
+        let fit = match self.colors {
             true => self.texels.fits_srgb(),
             false => self.texels.pixels.iter().all(byte),
         };

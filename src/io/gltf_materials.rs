@@ -108,7 +108,7 @@ impl<'a> Materials<'a> {
         self.extensions.insert(name);
     }
 
-    /// A material of a base colour that is no metal, with the holes of another one.
+    /// A material of a base color that is no metal, with the holes of another one.
     fn base(&mut self, albedo: &ColorTexture, material: &Material, place: &str) -> Result<Value> {
         let ([r, g, b], texels) = self.on_host(albedo, place)?;
         let mut json = json!({"pbrMetallicRoughness": {
@@ -121,9 +121,9 @@ impl<'a> Materials<'a> {
                 json["alphaCutoff"] = json!(cutoff);
                 let [h, w, _] = alpha.size;
                 let white = || Texels::full(1.0, [h, w, 3], alpha.wrap);
-                let colours = texels.unwrap_or_else(white);
-                let [colours, alpha] = Texels::together(colours, alpha, place);
-                Some(self.texture(colours, true, Some(alpha.values), place)?)
+                let colors = texels.unwrap_or_else(white);
+                let [colors, alpha] = Texels::together(colors, alpha, place);
+                Some(self.texture(colors, true, Some(alpha.values), place)?)
             }
             None => match texels {
                 Some(texels) => Some(self.texture(texels, true, None, place)?),
@@ -307,11 +307,11 @@ impl<'a> Materials<'a> {
         Ok((factor, texture.transpose()?))
     }
 
-    /// The number of a texture in the file, of colours or other numbers.
+    /// The number of a texture in the file, of colors or other numbers.
     fn texture(
         &mut self,
         texels: Texels,
-        colours: bool,
+        colors: bool,
         alpha: Option<Vec<f32>>,
         place: &str,
     ) -> Result<usize> {
@@ -322,7 +322,7 @@ impl<'a> Materials<'a> {
         let ([h, w, _], wrap) = (texels.size, texels.wrap);
         let picture = Picture {
             texels: HostImage::new(w, h, texels.values)?,
-            colours,
+            colors,
             alpha,
         };
         let known = self.pictures.iter().position(|known| *known == picture);

@@ -164,8 +164,8 @@ impl File {
             let downwards: Vec<[f64; 2]> = uvs.iter().map(|[u, v]| [*u, 1.0 - v]).collect();
             attributes["TEXCOORD_0"] = json!(self.rows("VEC2", &downwards, false));
         }
-        if let Some(colours) = &split.colours {
-            attributes["COLOR_0"] = json!(self.rows("VEC3", colours, false));
+        if let Some(colors) = &split.colors {
+            attributes["COLOR_0"] = json!(self.rows("VEC3", colors, false));
         }
         if let Some(tangents) = &split.tangents {
             let unit = |&[x, y, z, w]: &[f64; 4]| {

@@ -114,7 +114,7 @@ impl HostImage {
     fn read_file(path: &Path, limits: &LoadLimits) -> Result<Self> {
         let decoded = Decoded::of_file(path, limits)?;
         let [width, height] = decoded.size();
-        Self::new(width, height, decoded.colours())
+        Self::new(width, height, decoded.colors())
     }
 
     /// Checks that an image can be written to a path: the extension is supported, and the folder exists and is

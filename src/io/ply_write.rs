@@ -17,7 +17,7 @@ pub(super) fn mesh(mesh: &Mesh, path: &Path) -> Result<()> {
     write(path, double, &[Split::of(mesh)?])
 }
 
-/// Writes a scene as one mesh, its colours those of the materials times those of meshes.
+/// Writes a scene as one mesh, its colors those of the materials times those of meshes.
 pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
     let (mut parts, mut lost) = (Vec::new(), false);
     let objects = || scene.objects.iter().filter(|o| !o.mesh.faces.is_empty());
@@ -30,27 +30,27 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
             if part.faces.is_empty() {
                 continue;
             }
-            let colour = colour(material)?;
-            lost |= colour.is_none() || material.bsdf.lobe().is_some() || material.emits();
-            parts.push((part, colour));
+            let color = color(material)?;
+            lost |= color.is_none() || material.bsdf.lobe().is_some() || material.emits();
+            parts.push((part, color));
         }
     }
     if lost {
         let file = path.display();
         log::warn!("{file}: textures, gloss and emission are not written, PLY has none");
     }
-    let plain = colour(&Material::default())?;
-    let painted = |(part, colour): &(Split, Option<[f64; 3]>)| {
-        part.colours.is_some() || (colour.is_some() && *colour != plain)
+    let plain = color(&Material::default())?;
+    let painted = |(part, color): &(Split, Option<[f64; 3]>)| {
+        part.colors.is_some() || (color.is_some() && *color != plain)
     };
     let any = parts.iter().any(painted);
-    let parts = parts.into_iter().map(|(mut part, colour)| {
+    let parts = parts.into_iter().map(|(mut part, color)| {
         // Of a texture nothing is left.
-        let factor = colour.unwrap_or([1.0; 3]);
-        let all = part.colours.take();
+        let factor = color.unwrap_or([1.0; 3]);
+        let all = part.colors.take();
         let all = all.unwrap_or_else(|| vec![[1.0; 3]; part.positions.len()]);
         let times = |c: &[f64; 3]| std::array::from_fn(|i| c[i] * factor[i]);
-        part.colours = any.then(|| all.iter().map(times).collect());
+        part.colors = any.then(|| all.iter().map(times).collect());
         part
     });
     let parts: Vec<Split> = parts.collect();
@@ -59,7 +59,7 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
 }
 
 /// A material's albedo, None for a texture.
-fn colour(material: &Material) -> Result<Option<[f64; 3]>> {
+fn color(material: &Material) -> Result<Option<[f64; 3]>> {
     match material.bsdf.base() {
         Some(ColorTexture::Constant(p)) => Ok(Some(p.values()?)),
         Some(ColorTexture::Texture { .. }) => Ok(None),
@@ -72,11 +72,11 @@ fn write(path: &Path, double: bool, parts: &[Split]) -> Result<()> {
     let faces: usize = parts.iter().map(|p| p.faces.len()).sum();
     let has_normals = parts.iter().all(|p| p.normals.is_some());
     let has_uvs = parts.iter().all(|p| p.uvs.is_some());
-    let colours = || parts.iter().flat_map(|p| &p.colours).flatten().flatten();
+    let colors = || parts.iter().flat_map(|p| &p.colors).flatten().flatten();
     let table = srgb_table();
-    // Bytes, which all readers know, where they hold the colours.
+    // Bytes, which all readers know, where they hold the colors.
     let byte = |v: f64| srgb_byte(v as f32);
-    let bytes = colours().all(|&v| table[usize::from(byte(v))] == v as f32);
+    let bytes = colors().all(|&v| table[usize::from(byte(v))] == v as f32);
     let float = if double { "double" } else { "float" };
     let mut header = format!(
         "ply\nformat binary_little_endian 1.0\ncomment softray\nelement vertex {vertices}\n"
@@ -93,8 +93,8 @@ fn write(path: &Path, double: bool, parts: &[Split]) -> Result<()> {
     if has_uvs {
         properties(float, &["s", "t"]);
     }
-    let has_colours = colours().next().is_some();
-    if has_colours {
+    let has_colors = colors().next().is_some();
+    if has_colors {
         let kind = if bytes { "uchar" } else { "float" };
         properties(kind, &["red", "green", "blue"]);
     }
@@ -120,7 +120,7 @@ fn write(path: &Path, double: bool, parts: &[Split]) -> Result<()> {
                         false => put(&(v as f32).to_le_bytes())?,
                     }
                 }
-                for v in part.colours.iter().flat_map(|colours| colours[i]) {
+                for v in part.colors.iter().flat_map(|colors| colors[i]) {
                     match bytes {
                         true => put(&[byte(v)])?,
                         false => put(&(v as f32).to_le_bytes())?,

@@ -55,13 +55,13 @@ impl Image {
             let far = depths().fold(0.0, f32::max);
             // If all depths are equal, all of them count as the nearest.
             let per_unit = if far > near { 1.0 / (far - near) } else { 0.0 };
-            let colour = |d: f32| match seen(d) {
+            let color = |d: f32| match seen(d) {
                 true => VIRIDIS
                     .eval_continuous(f64::from((d - near) * per_unit))
                     .as_array(),
                 false => BACKGROUND,
             };
-            values.iter().step_by(3).flat_map(|&d| colour(d)).collect()
+            values.iter().step_by(3).flat_map(|&d| color(d)).collect()
         })
     }
 
@@ -116,12 +116,12 @@ fn write_output(
     }
     let [w, h] = sides(data.width, data.height)?;
     let bytes = picture(&data.pixels);
-    let colour = match bytes.len() == data.pixels.len() {
+    let color = match bytes.len() == data.pixels.len() {
         true => ExtendedColorType::Rgb8,
         false => ExtendedColorType::L8,
     };
     write_whole(path, |file| {
-        image::write_buffer_with_format(file, &bytes, w, h, colour, format)
+        image::write_buffer_with_format(file, &bytes, w, h, color, format)
             .map_err(|e| Error::format(path, format!("it can't be written: {e}")))
     })
 }

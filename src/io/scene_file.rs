@@ -38,7 +38,7 @@ use crate::scene::{Camera, Environment, Light, Scene};
 ///   "materials": {
 ///     "ball": { "bsdf": "dielectric", "ior": 1.5, "roughness": 0.1 },
 ///     "ring": { "bsdf": "conductor", "eta": [0.14, 0.37, 1.44], "extinction": [3.98, 2.39, 1.6], "roughness": 0.2 },
-///     "floor": { "bsdf": "metallic_roughness", "base_colour": "wood.png", "metallic": 0, "roughness": "rough.png" }
+///     "floor": { "bsdf": "metallic_roughness", "base_color": "wood.png", "metallic": 0, "roughness": "rough.png" }
 ///   }
 /// }
 /// ```
@@ -47,7 +47,7 @@ use crate::scene::{Camera, Environment, Light, Scene};
 /// (`"sky.hdr"`). Optional fields are `up` (default: y), the lens (a pinhole), `environment` (black), `lights`
 /// (none), `velocities` and `materials` (those of the scene). A lens without a focus distance is focused on the
 /// target. `lights` are added to the lights of the file, in the units of [`Light`]. A material replaces the material
-/// of an object. Its `base_colour` (white), `roughness` (1), `metallic` (0) and `ior` (1.5) may be images. Of these,
+/// of an object. Its `base_color` (white), `roughness` (1), `metallic` (0) and `ior` (1.5) may be images. Of these,
 /// the roughness is the green channel, `metallic` the blue and `ior` the red channel, without color conversion. A
 /// warning lists unknown fields; in a material, they are an error.
 #[derive(Clone, Debug)]

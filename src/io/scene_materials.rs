@@ -25,7 +25,7 @@ enum Model {
 #[serde(deny_unknown_fields)]
 pub(super) struct MaterialDocument {
     bsdf: Model,
-    base_colour: Option<Value>,
+    base_color: Option<Value>,
     metallic: Option<Value>,
     roughness: Option<Value>,
     #[serde(default)]
@@ -50,7 +50,7 @@ impl Place<'_> {
         Err(Error::format(self.path, message))
     }
 
-    fn colour(&self, field: &str, value: Option<Value>) -> Result<ColorTexture> {
+    fn color(&self, field: &str, value: Option<Value>) -> Result<ColorTexture> {
         match value {
             None => Ok([1.0; 3].into()),
             Some(Value::String(name)) => self.image(&name, |path| {
@@ -58,7 +58,7 @@ impl Place<'_> {
                 Ok(ColorTexture::texture(image.into_tensor(self.device)))
             }),
             Some(value) => match serde_json::from_value::<[f64; 3]>(value.clone()) {
-                Ok(colour) => Ok(colour.into()),
+                Ok(color) => Ok(color.into()),
                 Err(_) => self.wrong(field, &value, "three numbers"),
             },
         }
@@ -93,17 +93,17 @@ impl MaterialDocument {
     pub fn build(self, object: &str, place: &Place) -> Result<Material> {
         let field = |name: &str| format!("materials.{object}.{name}");
         let roughness = place.number(&field("roughness"), self.roughness, 1.0, 1)?;
-        let colour = place.colour(&field("base_colour"), self.base_colour)?;
+        let color = place.color(&field("base_color"), self.base_color)?;
         let material = match self.bsdf {
             Model::MetallicRoughness => {
                 let metallic = place.number(&field("metallic"), self.metallic, 0.0, 2)?;
-                Material::metallic_roughness(colour, metallic, roughness)
+                Material::metallic_roughness(color, metallic, roughness)
             }
             Model::Conductor => Material::conductor(self.eta, self.extinction, roughness),
             Model::Dielectric => {
                 let ior = place.number(&field("ior"), self.ior, 1.5, 0)?;
                 Material::new(Bsdf::Dielectric {
-                    tint: colour,
+                    tint: color,
                     ior,
                     roughness,
                     compensated: true,

@@ -11,7 +11,7 @@ pub(super) struct Split {
     pub positions: Vec<[f64; 3]>,
     pub uvs: Option<Vec<[f64; 2]>>,
     pub normals: Option<Vec<[f64; 3]>>,
-    pub colours: Option<Vec<[f64; 3]>>,
+    pub colors: Option<Vec<[f64; 3]>>,
     pub tangents: Option<Vec<[f64; 4]>>,
     pub faces: Vec<[u32; 3]>,
 }
@@ -43,13 +43,13 @@ impl Split {
                 *vertex = at;
             }
         }
-        let [uvs, normals, colours, tangents] = attributes;
+        let [uvs, normals, colors, tangents] = attributes;
         // Vertices without a face get default values. The default normal has a direction.
         Ok(Self {
             positions,
             uvs: rows(uvs, 0, &known, [0.0; 2])?,
             normals: rows(normals, 1, &known, [0.0, 0.0, 1.0])?,
-            colours: rows(colours, 2, &known, [1.0; 3])?,
+            colors: rows(colors, 2, &known, [1.0; 3])?,
             tangents: rows(tangents, 3, &known, [1.0, 0.0, 0.0, 1.0])?,
             faces,
         })
@@ -72,7 +72,7 @@ impl Split {
             positions: used.iter().map(|&v| self.positions[v]).collect(),
             uvs: taken(self.uvs.as_deref(), &used),
             normals: taken(self.normals.as_deref(), &used),
-            colours: taken(self.colours.as_deref(), &used),
+            colors: taken(self.colors.as_deref(), &used),
             tangents: taken(self.tangents.as_deref(), &used),
             faces,
         }

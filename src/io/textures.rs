@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Taken {
     /// Linear RGB, decoded from sRGB.
-    Colours,
+    Colors,
     /// A normal map.
     Tilts,
     /// A channel without color conversion.
@@ -27,7 +27,7 @@ enum Taken {
 impl Taken {
     fn channels(self) -> usize {
         match self {
-            Self::Colours | Self::Tilts => 3,
+            Self::Colors | Self::Tilts => 3,
             Self::Channel(_) | Self::Alpha => 1,
         }
     }
@@ -137,8 +137,8 @@ impl<'a> Textures<'a> {
     }
 
     /// Returns linear RGB, multiplied by a factor.
-    pub fn colours(&mut self, image: usize, factor: [f64; 3]) -> Result<Texels> {
-        self.texels((image, Taken::Colours, factor.map(f64::to_bits)))
+    pub fn colors(&mut self, image: usize, factor: [f64; 3]) -> Result<Texels> {
+        self.texels((image, Taken::Colors, factor.map(f64::to_bits)))
     }
 
     /// Returns a normal map with its x and y multiplied by a factor.
@@ -191,7 +191,7 @@ impl<'a> Textures<'a> {
         let decoded = self.decoded(image)?;
         let [width, height] = decoded.size();
         let mut values = match taken {
-            Taken::Colours => decoded.colours(),
+            Taken::Colors => decoded.colors(),
             Taken::Tilts => {
                 let shares = decoded.numbers().into_iter();
                 shares.map(|v| v * 2.0 - 1.0).collect()

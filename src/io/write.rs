@@ -10,7 +10,7 @@ use crate::scene::{BsdfKind, Material, Mesh, Scene, check_scene};
 const WRITTEN: [&str; 4] = ["obj", "gltf", "glb", "ply"];
 
 impl Mesh {
-    /// Writes a file with vertices, texture coordinates, normals and, but for OBJ, colours. The file appears under its name only when it
+    /// Writes a file with vertices, texture coordinates, normals and, but for OBJ, colors. The file appears under its name only when it
     /// is complete.
     ///
     /// - `.obj`: numbers read back to the same floats. [`Scene::load`] numbers vertices in the order in which faces
@@ -31,7 +31,7 @@ impl Mesh {
         }
         match kind {
             "obj" => {
-                warn_of_colours(self, "the mesh", path);
+                warn_of_colors(self, "the mesh", path);
                 obj_write::mesh(self, path)
             }
             "ply" => ply_write::mesh(self, path),
@@ -52,10 +52,10 @@ impl Scene {
     ///   KHR_lights_punctual. Metal and roughness are glTF's own, a dielectric is KHR_materials_transmission with ior
     ///   and volume, Lambert's law KHR_materials_specular with a factor of 0, and emission above 1
     ///   KHR_materials_emissive_strength. Phong's lobe and a conductor's index of refraction stand in `extras` (for
-    ///   other readers there are about the same roughness and colour). Textures are PNG images within the file, of
+    ///   other readers there are about the same roughness and color). Textures are PNG images within the file, of
     ///   16 bits where 8 bits don't hold their texels, clipped to [0, 1]; those that glTF has in one image (metal
-    ///   with roughness, colours with alpha) are interpolated to one size.
-    /// - `.ply`: all objects as one mesh; constant albedos, times the colours of meshes, become colours of vertices.
+    ///   with roughness, colors with alpha) are interpolated to one size.
+    /// - `.ply`: all objects as one mesh; constant albedos, times the colors of meshes, become colors of vertices.
     ///
     /// Parts that a format can't hold are left out with a warning: the environment, objects without faces, and
     /// velocities: an object that moves is written as it is at the shutter's start. Files of those names are replaced,
@@ -84,7 +84,7 @@ impl Scene {
             "obj" => {
                 self.objects
                     .iter()
-                    .for_each(|o| warn_of_colours(&o.mesh, &o.name, path));
+                    .for_each(|o| warn_of_colors(&o.mesh, &o.name, path));
                 obj_write::scene(self, path)
             }
             "ply" => ply_write::scene(self, path),
@@ -101,7 +101,7 @@ impl Scene {
         let lost = |m: &Material| {
             [
                 (
-                    "the BSDF, but for its diffuse colour",
+                    "the BSDF, but for its diffuse color",
                     m.bsdf.kind() != BsdfKind::Phong,
                 ),
                 ("the normal map", m.normal_map.is_some()),
@@ -148,9 +148,9 @@ impl Scene {
 }
 
 /// Tells what OBJ can't hold of a mesh.
-fn warn_of_colours(mesh: &Mesh, name: &str, path: &Path) {
-    if mesh.colours.is_some() {
+fn warn_of_colors(mesh: &Mesh, name: &str, path: &Path) {
+    if mesh.colors.is_some() {
         let file = path.display();
-        log::warn!("{file}: the colours of {name} are not written to OBJ");
+        log::warn!("{file}: the colors of {name} are not written to OBJ");
     }
 }

@@ -6,7 +6,7 @@ use super::scene::KernelScene;
 use crate::model::{V3, v3};
 use crate::scene::{CHANNELS, Channel, LightPart, ParameterId};
 use crate::trace::{
-    AREAS, CAMERAS, COLOURS, Derivatives, LIGHTS, MATERIALS, NORMALS, OF_CAMERA, OF_LIGHT, PARTS,
+    AREAS, CAMERAS, COLORS, Derivatives, LIGHTS, MATERIALS, NORMALS, OF_CAMERA, OF_LIGHT, PARTS,
     SKY, Sums, TANGENTS, TEXELS, TRIANGLES, UVS, VELOCITIES, VERTICES,
 };
 
@@ -44,7 +44,7 @@ impl Wanted {
                 }
                 Id::Uvs(_) => of.uvs = true,
                 Id::Normals(_) => of.normals = true,
-                Id::Colours(_) => of.colours = true,
+                Id::Colors(_) => of.colors = true,
                 Id::Tangents(_) => of.tangents = true,
                 Id::NormalMap(_) => {
                     of.materials = true;
@@ -102,7 +102,7 @@ impl Wanted {
             (MATERIALS, 3 * CHANNELS * scene.materials.len()),
             (TEXELS, some(of.materials || of.emission, texels)),
             (SKY, some(of.sky, scene.sky.values.len())),
-            (COLOURS, some(of.colours, 3 * lists.colours.values.len())),
+            (COLORS, some(of.colors, 3 * lists.colors.values.len())),
             (TANGENTS, some(of.tangents, 3 * lists.tangents.values.len())),
             (LIGHTS, OF_LIGHT as usize * self.lights.len()),
             (CAMERAS, OF_CAMERA as usize),
@@ -239,7 +239,7 @@ impl Rows {
             Id::Velocity(i) => (VELOCITIES, i, 3, per_unit),
             Id::Uvs(i) => (UVS, object(i).first_uv, 2, 1.0),
             Id::Normals(i) => (NORMALS, object(i).first_normal, 3, 1.0),
-            Id::Colours(i) => (COLOURS, object(i).first_colour, 3, 1.0),
+            Id::Colors(i) => (COLORS, object(i).first_color, 3, 1.0),
             // Tangents only matter where a material has a normal map.
             Id::Tangents(i) if scene.features.tilted => (TANGENTS, object(i).first_tangent, 4, 1.0),
             Id::NormalMap(m) => {

@@ -16,7 +16,7 @@ pub(crate) struct ObjectPart {
     pub vertices: usize,
     pub first_uv: usize,
     pub first_normal: usize,
-    pub first_colour: usize,
+    pub first_color: usize,
     pub first_tangent: usize,
     /// Whether the object has shading normals.
     pub smooth: bool,
@@ -81,7 +81,7 @@ pub(crate) struct Lists {
     pub vertex_rows: Vec<[u32; 3]>,
     pub uvs: Vec<[f32; 2]>,
     pub normals: Vec<[f32; 3]>,
-    pub colours: Corners<3>,
+    pub colors: Corners<3>,
     pub tangents: Corners<4>,
 }
 
@@ -89,16 +89,16 @@ impl Lists {
     /// Packs all objects of a scene. [`add_surfaces`](Self::add_surfaces) adds the surfaces.
     pub fn new(scene: &HostScene, frame: &SceneFrame) -> Self {
         let mut lists = Self::default();
-        let coloured = scene.objects.iter().any(|o| o.colours.is_some());
+        let colored = scene.objects.iter().any(|o| o.colors.is_some());
         let tangents = scene.objects.iter().any(|o| o.tangents.is_some());
         let faces = scene.objects.iter().map(|o| o.faces.len()).sum();
         lists.triangles.reserve_exact(faces);
         lists.vertex_rows.reserve_exact(faces);
         for i in 0..scene.objects.len() {
-            lists.add_object(scene, i, frame, [coloured, tangents]);
+            lists.add_object(scene, i, frame, [colored, tangents]);
         }
         // Colors apply only to materials whose model has an albedo.
-        for (rows, words) in lists.colours.rows.iter_mut().zip(&lists.triangles) {
+        for (rows, words) in lists.colors.rows.iter_mut().zip(&lists.triangles) {
             if !scene.materials[words[0] as usize].kind.bsdf.is_tinted() {
                 *rows = [NONE; 3];
             }
@@ -112,7 +112,7 @@ impl Lists {
         scene: &HostScene,
         i: usize,
         frame: &SceneFrame,
-        [coloured, tangents]: [bool; 2],
+        [colored, tangents]: [bool; 2],
     ) {
         let o = &scene.objects[i];
         let part = ObjectPart {
@@ -121,7 +121,7 @@ impl Lists {
             vertices: o.positions.len(),
             first_uv: self.uvs.len(),
             first_normal: self.normals.len(),
-            first_colour: self.colours.values.len(),
+            first_color: self.colors.values.len(),
             first_tangent: self.tangents.values.len(),
             smooth: o.normals.is_some(),
         };
@@ -152,8 +152,7 @@ impl Lists {
         if let Some(HostAttribute { values, .. }) = &o.normals {
             self.normals.extend_from_slice(values);
         }
-        self.colours
-            .add(o.colours.as_ref(), o.faces.len(), coloured);
+        self.colors.add(o.colors.as_ref(), o.faces.len(), colored);
         self.tangents
             .add(o.tangents.as_ref(), o.faces.len(), tangents);
         self.objects.push(part);

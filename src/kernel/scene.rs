@@ -11,7 +11,7 @@ use crate::model::V3;
 use crate::model::bsdf::Models;
 use crate::model::delta_light::DeltaLight;
 use crate::model::sky::Sky;
-use crate::model::texture::{Colour, Texels, Texture};
+use crate::model::texture::{Color, Texels, Texture};
 use crate::model::triangle::{AREA, Triangle, triangle_at};
 use crate::sampling::{Emitter, EmitterGroup, EmitterSampling, Emitters};
 use crate::scene::{
@@ -151,7 +151,7 @@ impl KernelScene {
             moves: self.velocities.is_some(),
             smooth: lists.objects.iter().any(|o| o.smooth),
             textured: self.materials.iter().any(|m| m.is_textured()),
-            tinted: !lists.colours.values.is_empty(),
+            tinted: !lists.colors.values.is_empty(),
             tilted: self.materials.iter().any(|m| m.normal_map.is_some())
                 && !lists.tangents.values.is_empty(),
             glows: self.materials.iter().any(|m| m.kind.glows),
@@ -171,7 +171,7 @@ impl KernelScene {
         let emitters = &self.emitters;
         let count = emitters.all().len() + emitters.lights().len();
         let group = |g: &EmitterGroup| {
-            let ([a, b, c], [x, y, z]) = (g.centre.to_array(), g.velocity.to_array());
+            let ([a, b, c], [x, y, z]) = (g.center.to_array(), g.velocity.to_array());
             [a, b, c, g.radius, x, y, z]
         };
         let constants = |m: &Material| m.channels.map(|c| c.constant.to_array());
@@ -195,8 +195,8 @@ impl KernelScene {
             vertex_rows: lists.vertex_rows.as_flattened(),
             uvs: lists.uvs.as_flattened(),
             normals: lists.normals.as_flattened(),
-            colours: lists.colours.values.as_flattened(),
-            colour_rows: lists.colours.rows.as_flattened(),
+            colors: lists.colors.values.as_flattened(),
+            color_rows: lists.colors.rows.as_flattened(),
             tangents: lists.tangents.values.as_flattened(),
             tangent_rows: lists.tangents.rows.as_flattened(),
             materials: flat.materials.as_flattened().as_flattened(),
@@ -290,15 +290,15 @@ impl Packed {
     fn material(&mut self, material: &mut HostMaterial) -> Material {
         let map = material.normal_map.as_mut();
         Material {
-            normal_map: map.and_then(|map| self.colour(map).texture),
-            channels: std::array::from_fn(|i| self.colour(&mut material.channels[i])),
+            normal_map: map.and_then(|map| self.color(map).texture),
+            channels: std::array::from_fn(|i| self.color(&mut material.channels[i])),
             kind: material.kind,
         }
     }
 
     /// Packs a color. The texels of a texture move into the common list.
-    fn colour(&mut self, colour: &mut HostTexture) -> Colour {
-        let (constant, texture) = match colour {
+    fn color(&mut self, color: &mut HostTexture) -> Color {
+        let (constant, texture) = match color {
             HostTexture::Constant(c) => (DVec3::from(*c).into(), None),
             HostTexture::Image {
                 texels,
@@ -311,7 +311,7 @@ impl Packed {
                 (V3::ZERO, Some(texture))
             }
         };
-        Colour { constant, texture }
+        Color { constant, texture }
     }
 
     /// Returns the offset of texels in the common list. Shared texels are packed once.
@@ -332,7 +332,7 @@ impl Packed {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Material {
     /// Each channel is at [`Channel::place`](crate::scene::Channel::place).
-    pub channels: [Colour; CHANNELS],
+    pub channels: [Color; CHANNELS],
     pub kind: MaterialKind,
     pub normal_map: Option<Texture>,
 }

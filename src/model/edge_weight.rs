@@ -35,7 +35,7 @@ pub(crate) struct Jumps {
 /// Bounds of the edges in a subtree.
 #[apply(record!)]
 pub(crate) struct Subtree {
-    pub centre: V3,
+    pub center: V3,
     pub radius: f32,
     /// A cone of the face normals at folds.
     pub axis: V3,
@@ -131,7 +131,7 @@ impl Subtree {
     /// Returns its estimate. A traversal enters subtrees that are seen under an angle whose sine is at least `large`.
     #[inline(always)]
     pub fn estimate(&self, q: &Query, large: f32) -> Estimate {
-        let r = self.centre - q.x;
+        let r = self.center - q.x;
         let radius = self.radius;
         let squared = r.length_squared();
         let distance = squared.sqrt();

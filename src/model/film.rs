@@ -9,7 +9,7 @@ use crate::cube::*;
 /// pixels there.
 pub(crate) const CELL: u32 = 8;
 /// Weight of the pixels of neighboring cells, relative to a cell's own.
-pub(crate) const NEIGHBOURS: f32 = 0.1;
+pub(crate) const NEIGHBORS: f32 = 0.1;
 
 /// Number of edge pieces whose weights are summed as one block.
 pub(crate) const BLOCK: u32 = 128;

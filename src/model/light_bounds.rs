@@ -16,7 +16,7 @@ pub(crate) struct Axes {
 /// A group of emitters: a bounding sphere, their axes, and their power, which is 0 for an empty group.
 #[apply(record!)]
 pub(crate) struct Sphere {
-    pub centre: V3,
+    pub center: V3,
     pub radius: f32,
     pub axes: Axes,
     pub power: f32,
@@ -48,7 +48,7 @@ impl Sphere {
     /// Returns the approximate irradiance at a point with a normal due to the group.
     #[inline(always)]
     pub fn irradiance(&self, x: V3, normal: V3) -> f32 {
-        let to = self.centre - x;
+        let to = self.center - x;
         let squared = to.length_squared().max(1e-30);
         let inverse = 1.0 / squared.sqrt();
         // The sine of the angle under which the sphere is seen.
@@ -64,7 +64,7 @@ impl Sphere {
     /// Returns whether a ray intersects the sphere.
     #[inline(always)]
     pub fn is_met(&self, x: V3, direction: V3) -> bool {
-        let to = self.centre - x;
+        let to = self.center - x;
         let along = to.dot(direction);
         let across = to - direction * along;
         // With a margin for rounding errors far away.

@@ -219,7 +219,7 @@ mod tests {
             v3(0.02, 0.1, 0.99),
         ] {
             let d = d.normalize();
-            let at = |d: V3| g.dot(map.cell(d.normalize()).colour(&texels, 0));
+            let at = |d: V3| g.dot(map.cell(d.normalize()).color(&texels, 0));
             let by_direction = map.by_direction(d, map.cell(d).slopes(&texels, 0, g));
             for step in V3::AXES {
                 let h = step.reject_from_normalized(d) * 1e-3;

@@ -81,7 +81,7 @@ impl Cell {
 
     /// Returns the interpolated color of three-channel texels, which start at index `from`.
     #[inline(always)]
-    pub fn colour(&self, list: &[f32], from: u32) -> V3 {
+    pub fn color(&self, list: &[f32], from: u32) -> V3 {
         vector(list, from + 3 * self.a) * self.share(0)
             + vector(list, from + 3 * self.b) * self.share(1)
             + vector(list, from + 3 * self.c) * self.share(2)
@@ -258,24 +258,24 @@ impl Holes {
 
 /// A color of a material: constant, or a texture.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Colour {
+pub(crate) struct Color {
     pub constant: V3,
     pub texture: Option<Texture>,
 }
 
-impl Colour {
+impl Color {
     #[inline(always)]
     pub fn at(&self, texels: &Texels, uv: [f32; 2]) -> V3 {
         match &self.texture {
             None => self.constant,
-            Some(texture) => texture.cell_at(v2(uv[0], uv[1])).colour(&texels.0, 0),
+            Some(texture) => texture.cell_at(v2(uv[0], uv[1])).color(&texels.0, 0),
         }
     }
 
     /// Returns approximately the mean of the absolute channel values over a triangle with these texture coordinates
     /// at its corners.
     pub fn mean_over(&self, texels: &Texels, uvs: [[f32; 2]; 3]) -> f32 {
-        let mean = |colour: V3| colour.abs().element_sum() / 3.0;
+        let mean = |color: V3| color.abs().element_sum() / 3.0;
         if self.texture.is_none() {
             return mean(self.constant);
         }
@@ -309,11 +309,11 @@ mod tests {
     }
 
     fn look_up((texels, texture): &(Texels, Texture), [u, v]: [f32; 2]) -> V3 {
-        texture.cell_at(v2(u, v)).colour(&texels.0, 0)
+        texture.cell_at(v2(u, v)).color(&texels.0, 0)
     }
 
     #[test]
-    fn the_middle_of_a_texel_has_its_colour() {
+    fn the_middle_of_a_texel_has_its_color() {
         let image = textures();
         let texel = |k: u32| vector(&image.0.0, 3 * k);
         assert_eq!(look_up(&image, [0.5, 0.75]), texel(2));

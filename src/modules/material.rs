@@ -15,7 +15,7 @@ const LEAST: f64 = 1e-3;
 /// Makes a [`MaterialParams`].
 #[derive(Config, Debug)]
 pub struct MaterialParamsConfig {
-    /// k_d, or the base colour of facets, RGB in [0, 1].
+    /// k_d, or the base color of facets, RGB in [0, 1].
     #[config(default = "[0.5, 0.5, 0.5]")]
     pub diffuse: [f64; 3],
     /// k_s, RGB in [0, 1]; without it there is no Phong lobe.
@@ -114,7 +114,7 @@ impl MaterialParamsConfig {
 
 /// A material that can't make energy: of each channel's light a share is reflected diffusely, a share
 /// specularly, and a share absorbed, by a softmax. Shininess and emission stay more than 0: they are
-/// kept as logarithms. Of facets the diffuse share is the base colour, the roughness and the share of metal stay in
+/// kept as logarithms. Of facets the diffuse share is the base color, the roughness and the share of metal stay in
 /// (0, 1), η and k more than 0, and the index of refraction more than 1.
 ///
 /// ```
@@ -132,7 +132,7 @@ impl MaterialParamsConfig {
 #[derive(Module)]
 pub struct MaterialParams {
     /// Logits of the shares of light that the surface reflects diffusely, reflects specularly and absorbs:
-    /// `[3, 3]`, one row per colour channel, or `[3, 2]` (diffuse, absorbed) where nothing is specular. The
+    /// `[3, 3]`, one row per color channel, or `[3, 2]` (diffuse, absorbed) where nothing is specular. The
     /// softmax of a row gives the shares.
     pub shares: Param<Tensor<2>>,
     /// ln of the Phong exponent, `[1]`, where something is specular.
@@ -148,17 +148,17 @@ pub struct MaterialParams {
 }
 
 impl MaterialParams {
-    /// Parameters of a material of constant colours, in the device's default float type, without a Phong lobe and
+    /// Parameters of a material of constant colors, in the device's default float type, without a Phong lobe and
     /// without emission where it is constantly black.
     ///
     /// # Errors
-    /// Like [`MaterialParamsConfig::init`], or if a colour is a texture
+    /// Like [`MaterialParamsConfig::init`], or if a color is a texture
     /// ([`TextureParams`](super::TextureParams) is for those), or a tensor can't be read.
     pub fn from_material(material: &Material, device: &Device) -> Result<Self> {
-        let colour = |field: &str, albedo: &ColorTexture| {
+        let color = |field: &str, albedo: &ColorTexture| {
             let ColorTexture::Constant(p) = albedo else {
                 let object = format!("material {}", material.name);
-                let expected = "a constant colour; TextureParams is for textures";
+                let expected = "a constant color; TextureParams is for textures";
                 return Err(Error::invalid(object, field, "a texture", expected));
             };
             p.values()
@@ -178,9 +178,9 @@ impl MaterialParams {
                 specular,
                 shininess,
             } => {
-                config.diffuse = colour("diffuse", diffuse)?;
+                config.diffuse = color("diffuse", diffuse)?;
                 if specular.reflects() {
-                    config.specular = Some(colour("specular", specular)?);
+                    config.specular = Some(color("specular", specular)?);
                     [config.shininess] = shininess.values()?;
                 }
             }
@@ -190,7 +190,7 @@ impl MaterialParams {
                 roughness,
                 ..
             } => {
-                config.diffuse = colour("base_color", base_color)?;
+                config.diffuse = color("base_color", base_color)?;
                 config.metallic = number("metallic", metallic)?;
                 config.roughness = Some(number("roughness", roughness)?);
             }
@@ -210,13 +210,13 @@ impl MaterialParams {
                 roughness,
                 ..
             } => {
-                config.diffuse = colour("tint", tint)?;
+                config.diffuse = color("tint", tint)?;
                 config.ior = Some(number("ior", ior)?);
                 config.roughness = Some(number("roughness", roughness)?);
             }
         }
         if material.emits() {
-            config = config.with_emission(Some(colour("emission", &material.emission)?));
+            config = config.with_emission(Some(color("emission", &material.emission)?));
         }
         config.init(device)
     }

@@ -97,11 +97,11 @@ struct Template {
 impl Template {
     fn new(mesh: &Mesh) -> Self {
         let attributes = mesh.attributes().map(|(_, _, attribute)| attribute);
-        let [uvs, normals, colours, tangents] =
+        let [uvs, normals, colors, tangents] =
             attributes.map(|a| a.map_or_else(Arc::default, |a| a.faces.clone()));
         Self {
             attributes: attributes.map(|a| a.map(|a| a.values.clone().detach())),
-            faces: [mesh.faces.clone(), uvs, normals, colours, tangents],
+            faces: [mesh.faces.clone(), uvs, normals, colors, tangents],
         }
     }
 
@@ -122,7 +122,7 @@ impl Template {
         Mesh {
             uvs: next(),
             normals: next(),
-            colours: next(),
+            colors: next(),
             tangents: next(),
             ..Mesh::of_faces(vertices, faces.clone())
         }

@@ -21,7 +21,7 @@ const STEEPEST: f64 = 10.0;
 /// ```
 /// use softray::modules::TextureParams;
 /// use softray::prelude::*;
-/// let texture = TextureParams::grey(16, 32, &Device::flex().autodiff());
+/// let texture = TextureParams::gray(16, 32, &Device::flex().autodiff());
 /// let material = Material::diffuse(texture.albedo(Wrap::Repeat));
 /// # let _ = material;
 /// ```
@@ -33,7 +33,7 @@ pub struct TextureParams {
 
 impl TextureParams {
     /// Creates a texture of height × width texels of 0.5, in the device's default float type.
-    pub fn grey(height: usize, width: usize, device: &Device) -> Self {
+    pub fn gray(height: usize, width: usize, device: &Device) -> Self {
         Self {
             logits: leaf(vec![0.0; height * width * 3], [height, width, 3], device),
         }

@@ -114,12 +114,12 @@ impl LargeStepsConfig {
 ///
 /// let mesh = shapes::icosphere(1, &Device::flex().autodiff());
 /// let steps = LargeSteps::from_mesh(&mesh, &LargeStepsConfig::default())?;
-/// let mut optimiser = ModuleOptimizer::from(steps);
+/// let mut optimizer = ModuleOptimizer::from(steps);
 /// let mut vertices = Param::from_tensor(mesh.vertices.clone());
 /// for _ in 0..3 {
 ///     let loss = (vertices.val() - 1.0).powf_scalar(2.0).mean();
 ///     let gradients = GradientsParams::from_grads(loss.backward(), &vertices);
-///     vertices = optimiser.step(0.05, vertices, gradients);
+///     vertices = optimizer.step(0.05, vertices, gradients);
 /// }
 /// # Ok::<(), softray::Error>(())
 /// ```

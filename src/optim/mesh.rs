@@ -12,7 +12,7 @@ use crate::geometry::{Vec3, columns, gather_columns, host_values, length, split,
 use crate::scene::Mesh;
 
 /// The object name in error messages.
-const OBJECT: &str = "mesh regulariser";
+const OBJECT: &str = "mesh regularizer";
 /// The cotangent of 3°. Corners with a smaller angle use this value.
 const STEEPEST_COTANGENT: f64 = 19.081_136_687_728_21;
 
@@ -30,11 +30,11 @@ const STEEPEST_COTANGENT: f64 = 19.081_136_687_728_21;
 /// for all finite vertices.
 ///
 /// ```
-/// use softray::optim::MeshRegulariser;
+/// use softray::optim::MeshRegularizer;
 /// use softray::prelude::*;
 ///
 /// let mesh = shapes::icosphere(2, &Device::flex());
-/// let regular = MeshRegulariser::from_mesh(&mesh)?;
+/// let regular = MeshRegularizer::from_mesh(&mesh)?;
 /// let vertices = mesh.vertices.autodiff().require_grad();
 /// let batch = vertices.clone().unsqueeze();
 /// let loss = regular.laplacian(batch.clone()) * 10.0 + regular.normal_consistency(batch);
@@ -42,7 +42,7 @@ const STEEPEST_COTANGENT: f64 = 19.081_136_687_728_21;
 /// # Ok::<(), softray::Error>(())
 /// ```
 #[derive(Clone)]
-pub struct MeshRegulariser {
+pub struct MeshRegularizer {
     vertices: usize,
     edges: usize,
     hinges: usize,
@@ -58,12 +58,12 @@ pub struct MeshRegulariser {
     /// third vertices.
     hinge_vertices: Tensor<2, Int>,
     /// The number of neighbors of each vertex, at least 1, `[1, V]`.
-    neighbours: Tensor<2, Int>,
+    neighbors: Tensor<2, Int>,
 }
 
-impl fmt::Debug for MeshRegulariser {
+impl fmt::Debug for MeshRegularizer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("MeshRegulariser")
+        f.debug_struct("MeshRegularizer")
             .field("vertices", &self.vertices)
             .field("edges", &self.edges)
             .field("device", &Text(label(&self.corners.device())))
@@ -71,7 +71,7 @@ impl fmt::Debug for MeshRegulariser {
     }
 }
 
-impl MeshRegulariser {
+impl MeshRegularizer {
     /// Creates a regularizer for meshes with these faces and `vertices` vertices, on the device of the
     /// vertices.
     ///
@@ -100,14 +100,14 @@ impl MeshRegulariser {
             opposite: row(columns(opposite)),
             ends: row(columns(edges)),
             hinge_vertices: row(columns(hinges)),
-            neighbours: row(degrees.iter().map(|&d| d.max(1)).collect()),
+            neighbors: row(degrees.iter().map(|&d| d.max(1)).collect()),
         })
     }
 
     /// Creates a regularizer for meshes with the faces of a mesh, on its device.
     ///
     /// # Errors
-    /// Like [`MeshRegulariser::new`].
+    /// Like [`MeshRegularizer::new`].
     pub fn from_mesh(mesh: &Mesh) -> Result<Self> {
         let vertices = mesh.vertices.dims()[0];
         Self::new(&mesh.faces, vertices, &mesh.vertices.device())
@@ -124,7 +124,7 @@ impl MeshRegulariser {
     pub fn laplacian(&self, vertices: Tensor<3>) -> Tensor<1> {
         let planes = self.planes(vertices);
         let sums = self.sums_at_vertices(self.edge_vectors(&planes));
-        let counts = self.neighbours.clone().float().cast(planes.dtype());
+        let counts = self.neighbors.clone().float().cast(planes.dtype());
         self.mean_square(sums / counts)
     }
 

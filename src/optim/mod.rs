@@ -18,6 +18,6 @@ mod schedule;
 pub use fit::{Evaluation, Fit, Fitted, History, Rate, Report, Row, Step, Stop, Warning};
 #[cfg(feature = "fit")]
 pub use large_steps::{LargeSteps, LargeStepsConfig, LargeStepsState};
-pub use mesh::MeshRegulariser;
+pub use mesh::MeshRegularizer;
 pub use samples::{sample_points, sample_points_and_normals};
 pub use schedule::{Blur, BlurSchedule, PlateauBlur, pixel_angle};

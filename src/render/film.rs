@@ -208,8 +208,8 @@ impl Means {
             }
         };
         let plane = |t: Tensor<3>| t.reshape([count, height, width]);
-        let colour = |t: Tensor<3>| t.reshape([count, height, width, 3]);
-        let radiance = colour(take(3));
+        let color = |t: Tensor<3>| t.reshape([count, height, width, 3]);
+        let radiance = color(take(3));
         let opacity = outputs.need_opacity().then(|| take(1));
         let seen = opacity.as_ref().map(|o| {
             let nothing = detached(o).lower_elem(1e-12);
@@ -223,7 +223,7 @@ impl Means {
             None => t,
         };
         let depth = outputs.depth.then(|| plane(per_opacity(take(1))));
-        let normals = outputs.normals.then(|| colour(per_opacity(take(3))));
+        let normals = outputs.normals.then(|| color(per_opacity(take(3))));
         let object_ids = outputs.object_ids.then(|| {
             let index = take(self.objects + 1).inner().argmax(2);
             let background = index.clone().equal_elem(self.objects as i64);

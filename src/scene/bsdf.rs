@@ -155,8 +155,8 @@ impl Bsdf {
                 roughness,
                 ..
             } => [
-                (Channel::Eta, Value::Colour(eta)),
-                (Channel::Extinction, Value::Colour(extinction)),
+                (Channel::Eta, Value::Color(eta)),
+                (Channel::Extinction, Value::Color(extinction)),
                 (Channel::Roughness, roughness.value()),
             ],
             Self::Dielectric {
@@ -211,7 +211,7 @@ pub(crate) enum Channel {
     Emission,
 }
 
-/// The number of places for parameters of a material: two colours and a number of its BSDF, and its emission.
+/// The number of places for parameters of a material: two colors and a number of its BSDF, and its emission.
 pub(crate) const CHANNELS: usize = Channel::Emission.place() + 1;
 
 impl Channel {

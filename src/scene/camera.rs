@@ -182,7 +182,7 @@ impl Camera {
     }
 
     /// Returns origins and directions of rays through film points. `film` has rows `[1, N]` in units of the image, with
-    /// (0, 0) at the top left. `disk` has lens points on the unit disk, as rows. Origins are relative to `centre`, in
+    /// (0, 0) at the top left. `disk` has lens points on the unit disk, as rows. Origins are relative to `center`, in
     /// units of `unit`. `spread` has the offsets of film points from their pixels, if these are proportional to
     /// 1/[`half_height`](Self::half_height), as rows. It adds their derivative to the graph.
     ///
@@ -191,7 +191,7 @@ impl Camera {
     pub(crate) fn rays(
         &self,
         context: &Context,
-        (centre, unit): ([f64; 3], f64),
+        (center, unit): ([f64; 3], f64),
         aspect: f64,
         film: &[Tensor<2>; 2],
         spread: Option<&[Tensor<2>; 2]>,
@@ -199,7 +199,7 @@ impl Camera {
     ) -> Result<(Vec3, Vec3)> {
         let per_unit = unit.recip();
         let eye = self.eye.vector(context);
-        let eye = eye.sub(&Vec3::constant(context, centre));
+        let eye = eye.sub(&Vec3::constant(context, center));
         let eye = eye.scale_by(per_unit);
         let [forward, right, up] = self.axes(context);
         let [wide, high, to_right, upwards] = self.projection.planes(context, unit, aspect)?;

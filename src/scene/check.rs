@@ -228,7 +228,7 @@ impl Scene {
             Id::Vertices(i)
             | Id::Uvs(i)
             | Id::Normals(i)
-            | Id::Colours(i)
+            | Id::Colors(i)
             | Id::Tangents(i)
             | Id::Velocity(i) => self.objects[i].name.clone(),
             Id::Material(m, _) | Id::NormalMap(m) => {
@@ -293,7 +293,7 @@ impl Object {
             let mut channels = material.channels();
             if let Some((channel, _)) = channels.find(|(_, v)| is_image(v)) {
                 let expected =
-                    "a colour, since the mesh has no texture coordinates: Mesh::with_uvs adds them";
+                    "a color, since the mesh has no texture coordinates: Mesh::with_uvs adds them";
                 return Err(Error::invalid(name, channel.row().0, "a texture", expected));
             }
         }

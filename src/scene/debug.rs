@@ -29,7 +29,7 @@ impl<const C: usize> Debug for Parameter<C> {
 impl Debug for Value<'_> {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         match self {
-            Self::Colour(p) => p.fmt(f),
+            Self::Color(p) => p.fmt(f),
             Self::Scalar(p) => p.fmt(f),
             Self::Image(texels, wrap) => write!(f, "texture {:?}, {wrap:?}", tensor(texels)),
             Self::ScalarImage(texels, wrap) => write!(f, "texture {:?}, {wrap:?}", tensor(texels)),

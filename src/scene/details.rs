@@ -1,4 +1,4 @@
-//! What surfaces have beside shape and reflection: colours and tangents of corners, normal maps, masks.
+//! What surfaces have beside shape and reflection: colors and tangents of corners, normal maps, masks.
 
 use std::sync::Arc;
 
@@ -10,25 +10,25 @@ use super::wrap::Wrap;
 use super::{Material, Mesh, Object};
 
 impl Mesh {
-    /// Sets colours `[N, 3]`, linear RGB ≥ 0, and the rows of them at the corners of each face: for colours of
+    /// Sets colors `[N, 3]`, linear RGB ≥ 0, and the rows of them at the corners of each face: for colors of
     /// vertices, which have one row each, these are `mesh.faces.clone()`. They are interpolated over each face, and
     /// the diffuse albedo of its material is multiplied by them (as by glTF's `COLOR_0`): give it an albedo of 1
-    /// where they are all of the colour.
+    /// where they are all of the color.
     ///
-    /// They are differentiable. Where faces side by side have other colours at the edge that they share, the colour
+    /// They are differentiable. Where faces side by side have other colors at the edge that they share, the color
     /// jumps, and gradients by vertices count that.
     ///
     /// ```
     /// use softray::prelude::*;
     /// let device = Device::flex();
     /// let ball = shapes::icosphere(1, &device);
-    /// let colours = Tensor::ones([42, 3], &device.clone().autodiff()).require_grad();
+    /// let colors = Tensor::ones([42, 3], &device.clone().autodiff()).require_grad();
     /// let faces = ball.faces.clone();
-    /// let painted = Object::new(ball.with_colours(colours * 0.5, faces)).material(Material::diffuse([1.0; 3]));
+    /// let painted = Object::new(ball.with_colors(colors * 0.5, faces)).material(Material::diffuse([1.0; 3]));
     /// # let _ = painted;
     /// ```
-    pub fn with_colours(mut self, values: Tensor<2>, faces: impl Into<Arc<Vec<[u32; 3]>>>) -> Self {
-        self.colours = Some(CornerAttribute::new(values, faces));
+    pub fn with_colors(mut self, values: Tensor<2>, faces: impl Into<Arc<Vec<[u32; 3]>>>) -> Self {
+        self.colors = Some(CornerAttribute::new(values, faces));
         self
     }
 
@@ -53,7 +53,7 @@ impl Mesh {
         [
             ("uvs", 2, self.uvs.as_ref()),
             ("normals", 3, self.normals.as_ref()),
-            ("colours", 3, self.colours.as_ref()),
+            ("colors", 3, self.colors.as_ref()),
             ("tangents", 4, self.tangents.as_ref()),
         ]
     }
@@ -63,7 +63,7 @@ impl Mesh {
         [
             self.uvs.as_mut(),
             self.normals.as_mut(),
-            self.colours.as_mut(),
+            self.colors.as_mut(),
             self.tangents.as_mut(),
         ]
     }

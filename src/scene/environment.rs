@@ -43,7 +43,7 @@ impl Environment {
 
     pub(super) fn value(&mut self) -> Value<'_> {
         match self {
-            Self::Constant(p) => Value::Colour(p),
+            Self::Constant(p) => Value::Color(p),
             Self::Map(texels) => Value::Image(texels, Wrap::Repeat),
         }
     }

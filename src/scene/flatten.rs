@@ -57,7 +57,7 @@ pub(crate) struct Flattened {
     /// Shading normals of the corners and whether each triangle has them, if any mesh has them.
     pub normals: Option<(VertexData, Vec<bool>)>,
     /// Colors of the corners, if any mesh has them. They are 1 where a mesh has none.
-    pub colours: Option<VertexData>,
+    pub colors: Option<VertexData>,
     /// Normal maps, if any material has one.
     pub tilts: Option<Tilts>,
     /// Holes, if any surface has any.
@@ -92,17 +92,16 @@ impl Flattened {
     ) -> Result<Self> {
         let context = host.context.clone();
         let unit = normalization.radius.log2().round().exp2();
-        let centre = context.tensor(&normalization.center, [1, 3]);
-        let relative = |p: Tensor<2>| (p - centre.clone()) * unit.recip();
+        let center = context.tensor(&normalization.center, [1, 3]);
+        let relative = |p: Tensor<2>| (p - center.clone()) * unit.recip();
         let positions = corners(scene, &context, 0.0, |m| Some((&m.vertices, &m.faces)));
         let tilts = Tilts::new(scene, host);
         let materials: Vec<_> = scene.objects.iter().flat_map(|o| &o.materials).collect();
         let materials = Materials::new(materials.into_iter().cloned().collect(), &context);
         let attribute =
             |of: fn(&Mesh) -> Option<&CornerAttribute>| attribute_planes(scene, &context, 0.0, of);
-        let coloured = host.objects.iter().any(|o| o.colours.is_some());
-        let colours =
-            coloured.then(|| attribute_planes(scene, &context, 1.0, |m| m.colours.as_ref()));
+        let colored = host.objects.iter().any(|o| o.colors.is_some());
+        let colors = colored.then(|| attribute_planes(scene, &context, 1.0, |m| m.colors.as_ref()));
         let smooth: Vec<bool> = scene
             .objects
             .iter()
@@ -125,7 +124,7 @@ impl Flattened {
             ),
             uvs: (materials.textured() || tilts.is_some()).then(|| attribute(|m| m.uvs.as_ref())),
             normals,
-            colours,
+            colors,
             tilts,
             holes: host.holes.clone(),
             lights: LightPlanes::new(&scene.lights, &context, place, size),
@@ -206,7 +205,7 @@ impl Tilts {
         let mut up = vec![Parameter::Constant([0.0, 0.0, 1.0]); maps.len()];
         let values = maps.iter_mut().zip(&mut up).map(|(map, up)| match map {
             Some(map) => Value::Image(&mut map.texels, map.wrap),
-            None => Value::Colour(up),
+            None => Value::Color(up),
         });
         let side = |o: &HostObject, f: usize| {
             let of = |t: &HostAttribute<4>| t.values[t.faces[f][0] as usize][3].into();

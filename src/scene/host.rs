@@ -36,7 +36,7 @@ pub(crate) struct HostObject {
     pub faces: Arc<Vec<[u32; 3]>>,
     pub uvs: Option<HostAttribute<2>>,
     pub normals: Option<HostAttribute<3>>,
-    pub colours: Option<HostAttribute<3>>,
+    pub colors: Option<HostAttribute<3>>,
     pub tangents: Option<HostAttribute<4>>,
     /// Scene units over the shutter, where it moves or may come to.
     pub velocity: Option<[f64; 3]>,
@@ -114,7 +114,7 @@ impl HostScene {
                 faces: object.mesh.faces.clone(),
                 uvs: object.mesh.uvs.as_ref().map(attribute).transpose()?,
                 normals: object.mesh.normals.as_ref().map(attribute).transpose()?,
-                colours: object.mesh.colours.as_ref().map(attribute).transpose()?,
+                colors: object.mesh.colors.as_ref().map(attribute).transpose()?,
                 tangents: object.mesh.tangents.as_ref().map(attribute).transpose()?,
                 velocity,
                 first_material: materials.len(),
@@ -182,11 +182,11 @@ impl HostScene {
     }
 }
 
-/// The coordinates in which a scene is traced: relative to a centre, in a unit that is a power of two, so that
+/// The coordinates in which a scene is traced: relative to a center, in a unit that is a power of two, so that
 /// nothing rounds. Both are medians over the vertices: what lies far away from the rest does not count.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SceneFrame {
-    pub centre: DVec3,
+    pub center: DVec3,
     pub unit: f64,
 }
 
@@ -205,12 +205,12 @@ impl SceneFrame {
             *values.select_nth_unstable_by(middle, f64::total_cmp).1
         };
         let along = |axis: usize| median(some.iter().map(|p| p[axis]).collect());
-        let centre = DVec3::new(along(0), along(1), along(2));
+        let center = DVec3::new(along(0), along(1), along(2));
         let spread = |from: DVec3| median(some.iter().map(|p| p.distance(from)).collect());
         // Coordinates that are not far from their origin stay as they are, which rounds nothing.
-        let near = spread(centre);
-        let (centre, size) = if centre.length() > 16.0 * near {
-            (centre, near)
+        let near = spread(center);
+        let (center, size) = if center.length() > 16.0 * near {
+            (center, near)
         } else {
             (DVec3::ZERO, spread(DVec3::ZERO))
         };
@@ -220,14 +220,14 @@ impl SceneFrame {
             1.0
         };
         Self {
-            centre,
+            center,
             unit: size.log2().round().exp2(),
         }
     }
 
     /// A point in scene units, in the coordinates of the frame.
     pub fn inner(&self, p: DVec3) -> DVec3 {
-        (p - self.centre) / self.unit
+        (p - self.center) / self.unit
     }
 }
 

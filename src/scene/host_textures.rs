@@ -63,7 +63,7 @@ impl Shared {
     /// Reads a value back. A scalar is stored as the first of three numbers, and the others are 0.
     pub fn texture(&mut self, value: Value<'_>) -> Result<HostTexture> {
         let (texels, [height, width], wrap) = match value {
-            Value::Colour(p) => return Ok(HostTexture::Constant(p.values()?)),
+            Value::Color(p) => return Ok(HostTexture::Constant(p.values()?)),
             Value::Scalar(p) => return Ok(HostTexture::Constant([p.values()?[0], 0.0, 0.0])),
             Value::Image(image, wrap) => {
                 let [height, width, channels] = image.dims();

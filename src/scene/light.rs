@@ -189,8 +189,8 @@ impl Light {
                 position,
                 intensity,
             } => vec![
-                (Position, Value::Colour(position)),
-                (Intensity, Value::Colour(intensity)),
+                (Position, Value::Color(position)),
+                (Intensity, Value::Color(intensity)),
             ],
             Self::Spot {
                 position,
@@ -199,9 +199,9 @@ impl Light {
                 inner,
                 outer,
             } => vec![
-                (Position, Value::Colour(position)),
-                (Direction, Value::Colour(direction)),
-                (Intensity, Value::Colour(intensity)),
+                (Position, Value::Color(position)),
+                (Direction, Value::Color(direction)),
+                (Intensity, Value::Color(intensity)),
                 (Inner, Value::Scalar(inner)),
                 (Outer, Value::Scalar(outer)),
             ],
@@ -209,8 +209,8 @@ impl Light {
                 direction,
                 irradiance,
             } => vec![
-                (Direction, Value::Colour(direction)),
-                (Irradiance, Value::Colour(irradiance)),
+                (Direction, Value::Color(direction)),
+                (Irradiance, Value::Color(irradiance)),
             ],
         }
     }
@@ -281,7 +281,7 @@ impl LightPlanes {
     pub fn new(
         lights: &[Light],
         context: &Context,
-        (centre, unit): (Vec3, f64),
+        (center, unit): (Vec3, f64),
         size: f64,
     ) -> Option<Self> {
         if lights.is_empty() {
@@ -303,7 +303,7 @@ impl LightPlanes {
             };
             let axis = direction.map_or_else(away, plane);
             let (place, per_unit) = match position {
-                Some(p) => (plane(p).sub(&centre).scale_by(unit.recip()), unit),
+                Some(p) => (plane(p).sub(&center).scale_by(unit.recip()), unit),
                 None => (Vec3::constant(context, [0.0; 3]), 1.0),
             };
             let strength = plane(light.strength()).scale_by((per_unit * per_unit).recip());

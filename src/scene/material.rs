@@ -103,7 +103,7 @@ impl Material {
     }
 
     /// The model of glTF 2.0: facets of the distribution GGX with α = roughness², Smith's masking, and a share of
-    /// metal. Metal reflects its base colour; the rest reflects 4 % at its facets, and the base colour below them.
+    /// metal. Metal reflects its base color; the rest reflects 4 % at its facets, and the base color below them.
     /// Numbers are constants, tensors `[1]`, or textures `[H, W]`; glTF's image has the roughness in its green
     /// channel and the metal in its blue one.
     ///

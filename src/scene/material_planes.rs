@@ -122,7 +122,7 @@ pub(super) fn planes(values: Vec<Value<'_>>, context: &Context) -> ChannelPlanes
             zero()
         };
         constant.push(match value {
-            Value::Colour(p) => p.vector(context),
+            Value::Color(p) => p.vector(context),
             Value::Scalar(p) => {
                 let [x] = p.planes(context);
                 Vec3 { x, ..zero() }

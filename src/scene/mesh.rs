@@ -22,7 +22,7 @@ pub struct Mesh {
     /// Shading normals `[_, 3]`, of any length but 0.
     pub normals: Option<CornerAttribute>,
     /// Colors `[_, 3]`, linear RGB. The diffuse albedo of materials is multiplied by them.
-    pub colours: Option<CornerAttribute>,
+    pub colors: Option<CornerAttribute>,
     /// Tangents `[_, 4]` for normal maps: x, y, z, and the sign of the bitangent, 1 or −1.
     pub tangents: Option<CornerAttribute>,
     /// The first mistake in building the mesh. A render returns it as an error.
@@ -41,7 +41,7 @@ impl Mesh {
             faces,
             uvs: None,
             normals: None,
-            colours: None,
+            colors: None,
             tangents: None,
             mistake: None,
         }
@@ -186,7 +186,7 @@ impl Mesh {
                     }
                 }
                 // Tracked colors may be below 0 for a step of a fit.
-                "colours" if !attribute.values.is_tracked() => {
+                "colors" if !attribute.values.is_tracked() => {
                     let negative = |&i: &u32| row(i).iter().any(|&v| v < 0.0);
                     if let Some(dark) = used.find(negative) {
                         return wrong(dark, 3, "numbers ≥ 0");

@@ -20,7 +20,7 @@ pub(crate) enum ParameterId {
     /// `[_, 3]`, of any length.
     Normals(usize),
     /// `[_, 3]`, linear RGB.
-    Colours(usize),
+    Colors(usize),
     /// `[_, 4]`.
     Tangents(usize),
     /// `[3]`, scene units over the shutter.
@@ -60,7 +60,7 @@ impl ParameterId {
             Self::Vertices(_) => ("vertices", Values::Finite),
             Self::Uvs(_) => ("uvs", Values::Finite),
             Self::Normals(_) => ("normals", Values::Finite),
-            Self::Colours(_) => ("colours", Values::Finite),
+            Self::Colors(_) => ("colors", Values::Finite),
             Self::Tangents(_) => ("tangents", Values::Finite),
             Self::NormalMap(_) => ("normal map", Values::Finite),
             Self::Velocity(_) => ("velocity", Values::Finite),
@@ -99,7 +99,7 @@ pub(crate) trait Visit {
 
     fn value(&mut self, id: ParameterId, value: Value<'_>) {
         match value {
-            Value::Colour(p) => self.parameter(id, p),
+            Value::Color(p) => self.parameter(id, p),
             Value::Image(texels, _) => self.image(id, texels),
             Value::Scalar(p) => self.parameter(id, p),
             Value::ScalarImage(texels, _) => self.image(id, texels),
@@ -141,10 +141,10 @@ pub(crate) fn look_at_scene(scene: &Scene, visit: &mut impl Visit) {
 /// Visits the tensors of the object with index `i`. `material` is the index of its first material, and afterwards the
 /// index of the next object's first material.
 fn visit_object(object: &mut Object, i: usize, material: &mut usize, visit: &mut impl Visit) {
-    use ParameterId::{Colours, Material, NormalMap, Normals, Tangents, Uvs, Velocity, Vertices};
+    use ParameterId::{Colors, Material, NormalMap, Normals, Tangents, Uvs, Velocity, Vertices};
     let mesh = &mut object.mesh;
     visit.visit(Vertices(i), &mut mesh.vertices);
-    let ids = [Uvs(i), Normals(i), Colours(i), Tangents(i)];
+    let ids = [Uvs(i), Normals(i), Colors(i), Tangents(i)];
     for (id, attribute) in ids.into_iter().zip(mesh.attributes_mut()) {
         if let Some(attribute) = attribute {
             visit.visit(id, &mut attribute.values);

@@ -113,7 +113,7 @@ const NONE: u32 = u32::MAX;
 impl Spaces {
     fn new(corners: &Corners) -> Self {
         let count = corners.numbers.len();
-        let neighbours = neighbours(corners);
+        let neighbors = neighbors(corners);
         // A face without area in the texture joins either side.
         let mut side: Vec<Option<bool>> = corners
             .texture
@@ -143,7 +143,7 @@ impl Spaces {
                     }
                     spaces[face][at] = own;
                     // Across the edge that leaves the corner and the edge that arrives at it.
-                    let next = [neighbours[face][at], neighbours[face][(at + 2) % 3]];
+                    let next = [neighbors[face][at], neighbors[face][(at + 2) % 3]];
                     open.extend(next.into_iter().filter(|&n| n != NONE));
                 }
             }
@@ -220,7 +220,7 @@ impl Spaces {
 
 /// Returns the face across each edge of each face, from a corner to the next. Two faces that run along an edge in
 /// opposite directions are paired, each with one face at most.
-fn neighbours(corners: &Corners) -> Vec<[u32; 3]> {
+fn neighbors(corners: &Corners) -> Vec<[u32; 3]> {
     let mut found = vec![[NONE; 3]; corners.numbers.len()];
     let mut open: HashMap<(u32, u32), Vec<(u32, u8)>> = HashMap::new();
     for (f, numbers) in corners.numbers.iter().enumerate() {

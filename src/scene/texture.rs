@@ -8,7 +8,7 @@ use crate::geometry::any_positive;
 
 /// The value of what may have several forms: a parameter of a material, or an environment.
 pub(crate) enum Value<'a> {
-    Colour(&'a mut Parameter<3>),
+    Color(&'a mut Parameter<3>),
     Image(&'a mut Tensor<3>, Wrap),
     Scalar(&'a mut Parameter<1>),
     /// `[H, W]`, numbers that are the first of three.
@@ -19,7 +19,7 @@ impl Value<'_> {
     /// Its numbers, where it is neither a texture nor a tensor.
     pub(super) fn constants(&self) -> &[f64] {
         match self {
-            Self::Colour(Parameter::Constant(v)) => v.as_slice(),
+            Self::Color(Parameter::Constant(v)) => v.as_slice(),
             Self::Scalar(Parameter::Constant(v)) => v.as_slice(),
             _ => &[],
         }
@@ -31,7 +31,7 @@ impl Value<'_> {
 pub enum ColorTexture {
     /// RGB.
     Constant(Parameter<3>),
-    /// `[H, W, 3]`, row 0 at the top (v = 1), looked up bilinearly; texel centres at half-integers.
+    /// `[H, W, 3]`, row 0 at the top (v = 1), looked up bilinearly; texel centers at half-integers.
     Texture {
         /// The texels.
         texels: Tensor<3>,
@@ -80,7 +80,7 @@ impl ColorTexture {
 
     pub(super) fn value(&mut self) -> Value<'_> {
         match self {
-            Self::Constant(p) => Value::Colour(p),
+            Self::Constant(p) => Value::Color(p),
             Self::Texture { texels, wrap } => Value::Image(texels, *wrap),
         }
     }
@@ -99,7 +99,7 @@ impl ColorTexture {
 pub enum ScalarTexture {
     /// One number.
     Constant(Parameter<1>),
-    /// `[H, W]`, row 0 at the top (v = 1), looked up bilinearly; texel centres at half-integers.
+    /// `[H, W]`, row 0 at the top (v = 1), looked up bilinearly; texel centers at half-integers.
     Texture {
         /// The texels.
         texels: Tensor<2>,

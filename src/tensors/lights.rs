@@ -13,7 +13,7 @@ use crate::geometry::{Context, Vec3, detached, gather_row, host_values, host_vec
 use crate::model::V3;
 use crate::model::delta_light::DeltaLight;
 use crate::model::sky::SkyDensity;
-use crate::model::texture::{Colour, Texels, Texture};
+use crate::model::texture::{Color, Texels, Texture};
 use crate::sampling::{Emitter, EmitterSampling, Emitters, Met, Receiver};
 use crate::scene::{Channel, EnvironmentMap, Flattened, LightPlanes, SkyTensors};
 
@@ -161,7 +161,7 @@ fn triangles(scene: &Flattened) -> Result<Vec<Emitter>> {
     }
     let radiance = |i: usize, material: usize| {
         let slot = channel.texture[material].as_ref();
-        let colour = Colour {
+        let color = Color {
             constant: emission[material].into(),
             texture: slot.map(|s| Texture::new(s.offset, [s.width, s.height], s.wrap)),
         };
@@ -169,7 +169,7 @@ fn triangles(scene: &Flattened) -> Result<Vec<Emitter>> {
         let uvs = uvs
             .as_ref()
             .map(|uvs: &[Vec<DVec3>; 3]| uvs.each_ref().map(|c| uv(c[i])));
-        colour.mean_over(&texels, uvs.unwrap_or_default())
+        color.mean_over(&texels, uvs.unwrap_or_default())
     };
     let one = |(i, &k): (usize, &u32)| {
         let cross = (b[i] - a[i]).cross(c[i] - a[i]);

@@ -47,11 +47,12 @@ impl SurfacePoints {
 
     /// Returns whether each point has a material that refracts. The list is empty if none has.
     pub(crate) fn clear(&self) -> Result<Vec<bool>> {
-        let mut models = self.models.iter();
-        let Some(model) = models.find(|m| m.kind.bsdf.refracts()) else {
+        let models = self.models.iter().filter(|m| m.kind.bsdf.refracts());
+        let rows = models.map(|m| m.row.clone());
+        let Some(any) = rows.reduce(|a, b| a + b) else {
             return Ok(Vec::new());
         };
-        Ok(host_values(&model.row)?.iter().map(|&x| x > 0.5).collect())
+        Ok(host_values(&any)?.iter().map(|&x| x > 0.5).collect())
     }
 
     /// Returns the listed points, in any order, each as often as it is listed.
@@ -112,8 +113,7 @@ impl SurfacePoints {
         let side = front * 2.0 - 1.0;
         let geometric_normal = normal.scale(&side);
 
-        let interpolates =
-            scene.uvs.is_some() || scene.normals.is_some() || scene.colours.is_some();
+        let interpolates = scene.uvs.is_some() || scene.normals.is_some() || scene.colors.is_some();
         let point = || shifted.add(&rays.direction.scale(&t));
         let barycentrics = interpolates.then(|| barycentrics(triangles, &index, &point()));
         let normal = match (&scene.normals, &barycentrics) {
@@ -149,9 +149,9 @@ impl SurfacePoints {
         });
         let mut parameters = parameters.collect::<Result<Vec<Vec3>>>()?;
         let near = barycentrics.map(|(b, c, nearest)| at_nearest(&b, &c, &nearest));
-        if let (Some(corners), Some(near)) = (&scene.colours, &near) {
-            let colour = interpolated(corners, &index, near);
-            tint(scene, &materials, &colour, &mut parameters);
+        if let (Some(corners), Some(near)) = (&scene.colors, &near) {
+            let color = interpolated(corners, &index, near);
+            tint(scene, &materials, &color, &mut parameters);
         }
         let normal = match (&scene.tilts, &near) {
             (Some(tilts), Some(near)) => {
@@ -199,7 +199,7 @@ fn barycentrics(
 }
 
 /// Multiplies the base colors of tinted materials by the colors of meshes.
-fn tint(scene: &Flattened, materials: &[u32], colour: &Vec3, parameters: &mut [Vec3]) {
+fn tint(scene: &Flattened, materials: &[u32], color: &Vec3, parameters: &mut [Vec3]) {
     let plain = |m: &u32| !scene.materials.kinds[*m as usize].bsdf.is_tinted();
     let plain: Vec<f64> = materials
         .iter()
@@ -207,7 +207,7 @@ fn tint(scene: &Flattened, materials: &[u32], colour: &Vec3, parameters: &mut [V
         .collect();
     let plain = scene.context.row(&plain).greater_elem(0.5);
     let base = &mut parameters[Channel::Diffuse.place()];
-    *base = base.mul(&colour.map(|x| x.mask_fill(plain.clone(), 1.0)));
+    *base = base.mul(&color.map(|x| x.mask_fill(plain.clone(), 1.0)));
 }
 
 /// Returns the weights of corners b and c of the hit, or of the triangle's nearest point if the hit is outside.

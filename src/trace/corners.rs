@@ -131,8 +131,8 @@ impl<'a> Scene<'a> {
 
     /// Returns the rows of the vertex colors that a triangle's diffuse albedo is multiplied by.
     #[inline(always)]
-    pub fn rows_of_colours(&self, triangle: u32) -> Rows {
-        rows_at(self.colour_rows, 3 * triangle)
+    pub fn rows_of_colors(&self, triangle: u32) -> Rows {
+        rows_at(self.color_rows, 3 * triangle)
     }
 
     /// Returns the interpolated normal on the side of the geometric normal, or the geometric normal if the triangle

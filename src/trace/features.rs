@@ -55,7 +55,7 @@ pub(crate) struct Derivatives {
     pub velocities: bool,
     pub uvs: bool,
     pub normals: bool,
-    pub colours: bool,
+    pub colors: bool,
     pub tangents: bool,
     /// Colors and exponents of materials.
     pub materials: bool,

@@ -13,7 +13,7 @@ pub(crate) const NORMALS: u32 = 5;
 pub(crate) const MATERIALS: u32 = 6;
 pub(crate) const TEXELS: u32 = 7;
 pub(crate) const SKY: u32 = 8;
-pub(crate) const COLOURS: u32 = 9;
+pub(crate) const COLORS: u32 = 9;
 pub(crate) const TANGENTS: u32 = 10;
 /// [`OF_LIGHT`] numbers per delta light, and [`OF_CAMERA`] for the camera.
 pub(crate) const LIGHTS: u32 = 11;

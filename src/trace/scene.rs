@@ -98,7 +98,7 @@ lists! {
         /// Values at corners: texture coordinates, normals, colors, and tangents with the signs of their bitangents.
         uvs,
         normals,
-        colours,
+        colors,
         tangents,
         /// Constants of each material, three numbers per channel.
         materials,
@@ -150,7 +150,7 @@ lists! {
         /// Vertices of each triangle.
         vertex_rows,
         /// Rows of the colors and tangents at the corners of each triangle, or [`NONE`]; empty if there are none.
-        colour_rows,
+        color_rows,
         tangent_rows,
         /// [`MATERIAL`] words per material: bits, the textures of its channels, and its normal map.
         of_materials,

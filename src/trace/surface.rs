@@ -3,7 +3,7 @@
 use crate::cube::*;
 
 use super::corners::facing;
-use super::parts::{COLOURS, NORMALS, TANGENTS, TRIANGLES};
+use super::parts::{COLORS, NORMALS, TANGENTS, TRIANGLES};
 use super::scene::{COMPENSATED, GLOSSY, MODEL, REFLECTS, Scene};
 use super::sums::Sums;
 use crate::model::bsdf::{Models, Shading, ShadingGradient};
@@ -180,19 +180,19 @@ pub(crate) fn point_at(
         }
     }
     if comptime!(scene.features.textured) {
-        p.shading.diffuse = scene.colour(p.material, 0u32, p.uv);
+        p.shading.diffuse = scene.color(p.material, 0u32, p.uv);
     }
     if comptime!(scene.features.tinted) {
-        let rows = scene.rows_of_colours(triangle);
+        let rows = scene.rows_of_colors(triangle);
         if rows.exist() {
-            let tint = rows.of(scene.colours, 3u32).at(p.weights);
+            let tint = rows.of(scene.colors, 3u32).at(p.weights);
             p.shading.diffuse = p.shading.diffuse.times(tint);
         }
     }
     if comptime!(scene.features.glossy) && hit.bits & GLOSSY != 0 {
         p.shading.glossy = true;
-        p.shading.specular = scene.colour(p.material, 1u32, p.uv);
-        p.shading.exponent = scene.colour(p.material, 2u32, p.uv).x;
+        p.shading.specular = scene.color(p.material, 1u32, p.uv);
+        p.shading.exponent = scene.color(p.material, 2u32, p.uv).x;
     }
     if comptime!(scene.features.models.has_others()) {
         p.shading.model = (hit.bits / MODEL) % 8;
@@ -218,14 +218,14 @@ pub(crate) fn point_backward(
     let shade = by.shading;
     let mut by_uv = v2(0.0, 0.0);
     let mut by_diffuse = shade.diffuse;
-    let mut by_colour = splat(0.0);
+    let mut by_color = splat(0.0);
     if comptime!(scene.features.tinted) {
-        let rows = scene.rows_of_colours(p.triangle);
+        let rows = scene.rows_of_colors(p.triangle);
         if rows.exist() {
-            by_colour = by_diffuse.times(scene.colour(p.material, 0u32, p.uv));
-            by_diffuse = by_diffuse.times(rows.of(scene.colours, 3u32).at(p.weights));
-            if comptime!(sums.of.colours) {
-                rows.add(sums, p.weights, by_colour, COLOURS);
+            by_color = by_diffuse.times(scene.color(p.material, 0u32, p.uv));
+            by_diffuse = by_diffuse.times(rows.of(scene.colors, 3u32).at(p.weights));
+            if comptime!(sums.of.colors) {
+                rows.add(sums, p.weights, by_color, COLORS);
             }
         }
     }
@@ -243,7 +243,7 @@ pub(crate) fn point_backward(
                 g = v3(shade.exponent, 0.0, 0.0);
             }
             let wanted = comptime!(sums.of.materials);
-            let more = scene.colour_backward(sums, p.material, channel, p.uv, g, wanted);
+            let more = scene.color_backward(sums, p.material, channel, p.uv, g, wanted);
             by_uv.x += more.x;
             by_uv.y += more.y;
             channel += 1;
@@ -256,7 +256,7 @@ pub(crate) fn point_backward(
     }
     let mut by_ray = RayGradient::default();
     if comptime!(sums.of.rays) {
-        let by_corners = corners_backward(scene, sums, p, by_uv, by_colour, shade.normal);
+        let by_corners = corners_backward(scene, sums, p, by_uv, by_color, shade.normal);
         let by_normal = by_corners.geometric + shade.geometric + by.geometric;
         let direction = p.shading.incoming;
         // Barycentric weights depend on the point relative to the corners, which move with the triangle.
@@ -296,7 +296,7 @@ fn corners_backward(
     sums: &Sums,
     p: &Point,
     by_uv: V2,
-    by_colour: V3,
+    by_color: V3,
     by_normal: V3,
 ) -> PointGradient {
     // With respect to the weights of the second and third corner.
@@ -324,11 +324,11 @@ fn corners_backward(
         }
     }
     if comptime!(scene.features.tinted) {
-        let rows = scene.rows_of_colours(p.triangle);
+        let rows = scene.rows_of_colors(p.triangle);
         if rows.exist() {
-            let corners = rows.of(scene.colours, 3u32);
-            by_b += by_colour.dot(corners.b - corners.a);
-            by_c += by_colour.dot(corners.c - corners.a);
+            let corners = rows.of(scene.colors, 3u32);
+            by_b += by_color.dot(corners.b - corners.a);
+            by_c += by_color.dot(corners.c - corners.a);
         }
     }
     if comptime!(scene.features.textured) {

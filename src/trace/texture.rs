@@ -18,7 +18,7 @@ impl<'a> Scene<'a> {
     #[inline(never)]
     pub fn look_up(&self, texture: u32, uv: V2) -> V3 {
         let cell = texture_at(self.of_materials, texture).cell_at(uv);
-        cell.colour(self.texels, 0u32)
+        cell.color(self.texels, 0u32)
     }
 
     #[inline(always)]
@@ -28,7 +28,7 @@ impl<'a> Scene<'a> {
 
     /// Returns a channel of a material: a constant, or a texture lookup.
     #[inline(always)]
-    pub fn colour(&self, material: u32, channel: u32, uv: V2) -> V3 {
+    pub fn color(&self, material: u32, channel: u32, uv: V2) -> V3 {
         let mut found = self.constant_of(material, channel);
         let texture = texture_of(material, channel);
         if comptime!(self.features.textured) && self.of_materials[texture as usize] != NONE {
@@ -45,7 +45,7 @@ impl<'a> Scene<'a> {
         if cosine > 0.0 {
             found = self.constant_of(material, EMISSION);
             if comptime!(self.features.glows) {
-                found = self.colour(material, EMISSION, uv);
+                found = self.color(material, EMISSION, uv);
             }
         }
         found
@@ -73,7 +73,7 @@ impl<'a> Scene<'a> {
     /// Adds the derivatives of g·color with respect to a channel of a material, if `wanted`, and returns the one with
     /// respect to the texture coordinates.
     #[inline(always)]
-    pub fn colour_backward(
+    pub fn color_backward(
         &self,
         sums: &Sums,
         material: u32,
@@ -98,7 +98,7 @@ impl<'a> Scene<'a> {
     pub fn emission_backward(&self, sums: &Sums, material: u32, uv: V2, g: V3) -> V2 {
         let mut by_uv = v2(0.0, 0.0);
         if comptime!(self.features.glows) {
-            by_uv = self.colour_backward(sums, material, EMISSION, uv, g, sums.of.emission);
+            by_uv = self.color_backward(sums, material, EMISSION, uv, g, sums.of.emission);
         } else if comptime!(sums.of.emission) {
             sums.add_vector(3 * (CHANNELS * material + EMISSION), g, MATERIALS);
         }
@@ -182,7 +182,7 @@ pub(crate) fn sky(scene: &Scene, direction: V3) -> V3 {
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(never)]
 fn radiance_of_map(map: Map, texels: &[f32], direction: V3) -> V3 {
-    map.cell(direction).colour(texels, 0u32)
+    map.cell(direction).color(texels, 0u32)
 }
 
 /// Adds the derivatives of g·radiance of the environment, and returns the one with respect to the direction.

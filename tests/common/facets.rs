@@ -27,7 +27,7 @@ fn in_the_open(scene: Scene, m: Material, d: &Device, t: DType) -> (Scene, Camer
 /// Every parameter of the models of facets.
 pub fn facet_cases() -> Vec<Case> {
     let mut cases = vec![
-        case("base colour", 0.5, 0.05, 1, |d, t, p| {
+        case("base color", 0.5, 0.05, 1, |d, t, p| {
             let base = vector(p, [0.9, 0.6, 0.3], d, t);
             with("floor", Material::metallic_roughness(base, 0.4, 0.5), d, t)
         }),
@@ -117,7 +117,7 @@ fn glass_cases() -> Vec<Case> {
             let m = Material::dielectric(1.5, p).compensated(false);
             with("ball", m, d, t)
         }),
-        case("glass's colour", 0.8, 0.1, 2, |d, t, p| {
+        case("glass's color", 0.8, 0.1, 2, |d, t, p| {
             let glass = Bsdf::Dielectric {
                 tint: vector(p, [1.0, 0.7, 0.5], d, t).into(),
                 ior: 1.5.into(),

@@ -302,11 +302,11 @@ fn options(case: &Case, effort: Effort) -> RenderOptions {
 
 /// Σ of the image under fixed smooth weights.
 fn weighted(image: Tensor<3>, weight: fn(f64, f64) -> f64) -> Tensor<1> {
-    let centre = |i: usize| (2 * i + 1) as f64 / SIZE as f64 - 1.0;
+    let center = |i: usize| (2 * i + 1) as f64 / SIZE as f64 - 1.0;
     let weights: Vec<f64> = (0..SIZE * SIZE * 3)
         .map(|i| {
             let (y, x, c) = (i / 3 / SIZE, i / 3 % SIZE, i % 3);
-            weight(centre(x), -centre(y)) * (1.0 + 0.2 * c as f64)
+            weight(center(x), -center(y)) * (1.0 + 0.2 * c as f64)
         })
         .collect();
     let (device, dtype) = (image.device().inner(), image.dtype());

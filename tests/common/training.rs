@@ -42,12 +42,12 @@ impl Dense {
     }
 }
 
-/// From images `[B, 3, 12, 12]` to offsets of an icosahedron's vertices and a colour.
+/// From images `[B, 3, 12, 12]` to offsets of an icosahedron's vertices and a color.
 #[derive(Module, Debug)]
 struct Predictor {
     encoder: Conv2d,
     offsets: Dense,
-    colour: Dense,
+    color: Dense,
 }
 
 impl Predictor {
@@ -58,18 +58,18 @@ impl Predictor {
                 .with_stride([2, 2])
                 .init(device),
             offsets: Dense::new(wide, 3 * VERTICES, device),
-            colour: Dense::new(wide, 3, device),
+            color: Dense::new(wide, 3, device),
         };
         // Backends have random numbers of their own.
         network.map(&mut Fill(0))
     }
 
-    /// Offsets `[B, 12, 3]` and colours `[B, 3]`.
+    /// Offsets `[B, 12, 3]` and colors `[B, 3]`.
     fn forward(&self, images: Tensor<4>) -> (Tensor<3>, Tensor<2>) {
         let features: Tensor<2> = tanh(self.encoder.forward(images)).flatten(1, 3);
         let offsets = self.offsets.forward(features.clone()) * 0.2;
-        let colours = sigmoid(self.colour.forward(features));
-        (offsets.reshape([ITEMS, VERTICES, 3]), colours)
+        let colors = sigmoid(self.color.forward(features));
+        (offsets.reshape([ITEMS, VERTICES, 3]), colors)
     }
 }
 
@@ -165,8 +165,8 @@ impl Training {
         let scales = Tensor::<2>::from_data(TensorData::from(scales), device);
         let vertices = ball.vertices.clone().unsqueeze::<3>();
         let stretched = vertices * scales.reshape([ITEMS, 1, 3]);
-        let colours = [[0.9, 0.3, 0.2], [0.2, 0.5, 0.8]];
-        let scenes = colours.map(|c| scene(&ball, c.into())).to_vec();
+        let colors = [[0.9, 0.3, 0.2], [0.2, 0.5, 0.8]];
+        let scenes = colors.map(|c| scene(&ball, c.into())).to_vec();
         let batch = Batch::new(scenes, vec![camera.clone()]).expect("a batch");
         let batch = batch.with_vertices("body", stretched).expect("vertices");
         let targets = render_batch(&batch, &options.clone().samples(8).seed(3)).expect("images");
@@ -183,11 +183,11 @@ impl Training {
     /// One step; returns the loss and the gradients.
     pub fn step(&mut self, seed: u64) -> (f64, Vec<(String, Vec<f64>)>) {
         let images = self.targets.clone().permute([0, 3, 1, 2]);
-        let (offsets, colours) = self.network.forward(images);
+        let (offsets, colors) = self.network.forward(images);
         let scenes = (0..ITEMS)
             .map(|i| {
-                let colour = colours.clone().slice([i..i + 1]).reshape([3]);
-                scene(&self.ball, colour.into())
+                let color = colors.clone().slice([i..i + 1]).reshape([3]);
+                scene(&self.ball, color.into())
             })
             .collect();
         let batch = Batch::new(scenes, vec![self.camera.clone()]).expect("a batch");
@@ -204,8 +204,8 @@ impl Training {
     }
 }
 
-fn scene(ball: &Mesh, colour: Parameter<3>) -> Scene {
-    let material = Material::diffuse(colour);
+fn scene(ball: &Mesh, color: Parameter<3>) -> Scene {
+    let material = Material::diffuse(color);
     Scene::new()
         .with(Object::new(ball.clone()).named("body").material(material))
         .environment([1.0, 0.9, 0.8])

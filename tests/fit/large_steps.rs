@@ -7,7 +7,7 @@ use crate::common::{cpu_devices, values};
 use burn::module::Param;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer, OptimizerRecord};
 use burn::tensor::DType;
-use softray::optim::{LargeSteps, LargeStepsConfig, MeshRegulariser};
+use softray::optim::{LargeSteps, LargeStepsConfig, MeshRegularizer};
 use softray::prelude::*;
 
 fn tensor(values: &[f64], columns: usize, device: &Device, dtype: DType) -> Tensor<2> {
@@ -52,21 +52,21 @@ fn dense_solve(mut a: Vec<Vec<f64>>, b: &[f64]) -> Vec<f64> {
     x
 }
 
-/// A parameter: burn's optimisers take those of a device with autodiff.
+/// A parameter: burn's optimizers take those of a device with autodiff.
 fn leaf(values: Tensor<2>) -> Param<Tensor<2>> {
     Param::from_tensor(values.autodiff())
 }
 
-/// A step of one optimiser on a parameter with a given gradient.
+/// A step of one optimizer on a parameter with a given gradient.
 fn step(
-    optimiser: &mut ModuleOptimizer,
+    optimizer: &mut ModuleOptimizer,
     parameter: Param<Tensor<2>>,
     lr: f64,
     gradient: Tensor<2>,
 ) -> Param<Tensor<2>> {
     let mut gradients = GradientsParams::new();
     gradients.register(parameter.id, gradient);
-    optimiser.step(lr, parameter, gradients)
+    optimizer.step(lr, parameter, gradients)
 }
 
 #[test]
@@ -108,7 +108,7 @@ fn the_rule_by_hand() {
     let (n, lr) = (36, 0.1);
     let config = LargeStepsConfig::default().betas(0.8, 0.95);
     let steps = LargeSteps::from_mesh(&mesh, &config).expect("a mesh");
-    let mut optimiser = ModuleOptimizer::from(steps);
+    let mut optimizer = ModuleOptimizer::from(steps);
     let start = noise(n, 1);
     let mut parameter = leaf(tensor(&start, 3, &device, DType::F64));
 
@@ -139,7 +139,7 @@ fn the_rule_by_hand() {
         let d = solve(&d.collect::<Vec<_>>());
         v.iter_mut().zip(d).for_each(|(v, d)| *v -= lr * d);
         let gradient = tensor(&gradient, 3, &device, DType::F64);
-        parameter = step(&mut optimiser, parameter, lr, gradient);
+        parameter = step(&mut optimizer, parameter, lr, gradient);
         let found = values(&parameter.val());
         let apart = largest(found.iter().zip(&v).map(|(p, q)| p - q));
         assert!(apart < 1e-9, "step {t}: {apart:e}");
@@ -152,14 +152,14 @@ fn translations_are_not_slowed() {
     let device = Device::flex();
     let mesh = shapes::icosphere(2, &device);
     let steps = LargeSteps::from_mesh(&mesh, &LargeStepsConfig::default()).expect("a mesh");
-    let mut optimiser = ModuleOptimizer::from(steps);
+    let mut optimizer = ModuleOptimizer::from(steps);
     let before = values(&mesh.vertices);
     let along = before
         .iter()
         .enumerate()
         .map(|(i, _)| if i % 3 == 0 { -5.0 } else { 0.0 });
     let gradient = tensor(&along.collect::<Vec<_>>(), 3, &device, DType::F32);
-    let moved = step(&mut optimiser, leaf(mesh.vertices), 0.3, gradient);
+    let moved = step(&mut optimizer, leaf(mesh.vertices), 0.3, gradient);
     for (i, (after, before)) in values(&moved.val()).iter().zip(before).enumerate() {
         let expected = if i % 3 == 0 { 0.3 } else { 0.0 };
         assert!(
@@ -176,10 +176,10 @@ fn other_shapes_take_adam_uniform() {
     let device = Device::flex();
     let mesh = shapes::icosahedron(&device);
     let steps = LargeSteps::from_mesh(&mesh, &LargeStepsConfig::default()).expect("a mesh");
-    let mut optimiser = ModuleOptimizer::from(steps);
+    let mut optimizer = ModuleOptimizer::from(steps);
     let parameter = leaf(tensor(&[0.0; 4], 2, &device, DType::F64));
     let gradient = tensor(&[4.0, -2.0, 1.0, 0.0], 2, &device, DType::F64);
-    let found = values(&step(&mut optimiser, parameter, 0.5, gradient).val());
+    let found = values(&step(&mut optimizer, parameter, 0.5, gradient).val());
     for (found, expected) in found.iter().zip([-0.5, 0.25, -0.125, 0.0]) {
         assert!((found - expected).abs() < 1e-8, "{found} {expected}");
     }
@@ -195,14 +195,14 @@ fn vertices_of_another_mesh_are_refused() {
     step(&mut ModuleOptimizer::from(steps), leaf(rows()), 0.5, rows());
 }
 
-/// What an image does to a mesh: noisy gradients at every seventh vertex. Both optimisers go on
+/// What an image does to a mesh: noisy gradients at every seventh vertex. Both optimizers go on
 /// until those vertices are as near to the target.
 #[test]
 fn descent_stays_smooth() {
     let device = Device::flex();
     let mesh = shapes::icosphere(3, &device);
     let n = mesh.vertices.dims()[0];
-    let regular = MeshRegulariser::from_mesh(&mesh).expect("a mesh");
+    let regular = MeshRegularizer::from_mesh(&mesh).expect("a mesh");
     let energy = |v: &Tensor<2>| values(&regular.laplacian(v.clone().inner().unsqueeze()))[0];
     let start = values(&mesh.vertices);
     let axes = [1.5, 1.0, 0.7];
@@ -216,7 +216,7 @@ fn descent_stays_smooth() {
         let squares = (0..3 * n).map(|i| seen[i] * (v[i] - target[i]).powi(2));
         squares.sum::<f64>() / seen.iter().sum::<f64>()
     };
-    let run = |mut optimiser: ModuleOptimizer, lr: f64| {
+    let run = |mut optimizer: ModuleOptimizer, lr: f64| {
         let mut parameter = leaf(mesh.vertices.clone());
         for i in 0..2000 {
             let v = values(&parameter.val());
@@ -228,7 +228,7 @@ fn descent_stays_smooth() {
                 .map(|i| seen[i] * (v[i] - target[i] + 0.1 * noise[i]))
                 .collect();
             let gradient = tensor(&gradient, 3, &device, DType::F32);
-            parameter = step(&mut optimiser, parameter, lr, gradient);
+            parameter = step(&mut optimizer, parameter, lr, gradient);
         }
         panic!("no fit: {}", fit(&values(&parameter.val())));
     };
@@ -251,7 +251,7 @@ fn descent_stays_smooth() {
     assert!(unseen(&v) < 0.5 * unseen(&w));
 }
 
-/// Saved after some steps and loaded in a fresh optimiser, a fit goes on as if undisturbed.
+/// Saved after some steps and loaded in a fresh optimizer, a fit goes on as if undisturbed.
 #[test]
 fn a_record_holds_all() {
     for device in cpu_devices() {
@@ -263,24 +263,24 @@ fn a_record_holds_all() {
                 ModuleOptimizer::from(steps.expect("a mesh"))
             };
             let gradient = |i| tensor(&noise(n, i), 3, &device, dtype);
-            let mut optimiser = fresh();
+            let mut optimizer = fresh();
             let mut parameter = leaf(mesh.vertices.clone().cast(dtype));
             for i in 0..3 {
-                parameter = step(&mut optimiser, parameter, 0.02, gradient(i));
+                parameter = step(&mut optimizer, parameter, 0.02, gradient(i));
             }
-            let bytes = optimiser.to_record().into_bytes().expect("bytes");
+            let bytes = optimizer.to_record().into_bytes().expect("bytes");
             let record = OptimizerRecord::from_bytes(bytes).expect("a record");
-            let loaded = [optimiser.to_record(), record].map(|r| fresh().load_record(r));
-            let go_on = |mut optimiser: ModuleOptimizer| {
+            let loaded = [optimizer.to_record(), record].map(|r| fresh().load_record(r));
+            let go_on = |mut optimizer: ModuleOptimizer| {
                 let mut parameter = parameter.clone();
                 for i in 3..6 {
-                    parameter = step(&mut optimiser, parameter, 0.02, gradient(i));
+                    parameter = step(&mut optimizer, parameter, 0.02, gradient(i));
                 }
                 values(&parameter.val())
             };
-            let expected = go_on(optimiser);
-            for optimiser in loaded {
-                assert_eq!(go_on(optimiser), expected, "{device:?} {dtype:?}");
+            let expected = go_on(optimizer);
+            for optimizer in loaded {
+                assert_eq!(go_on(optimizer), expected, "{device:?} {dtype:?}");
             }
             assert_ne!(go_on(fresh()), expected, "the state matters");
         }
@@ -292,14 +292,14 @@ fn a_gradient_that_is_not_finite_changes_nothing() {
     let device = Device::flex();
     let mesh = shapes::icosahedron(&device);
     let steps = LargeSteps::from_mesh(&mesh, &LargeStepsConfig::default()).expect("a mesh");
-    let mut optimiser = ModuleOptimizer::from(steps.clone());
+    let mut optimizer = ModuleOptimizer::from(steps.clone());
     let parameter = leaf(mesh.vertices.clone());
-    let first = step(&mut optimiser, parameter, 0.1, mesh.vertices.clone());
-    let (before, mut twin) = (values(&first.val()), optimiser.clone());
+    let first = step(&mut optimizer, parameter, 0.1, mesh.vertices.clone());
+    let (before, mut twin) = (values(&first.val()), optimizer.clone());
     let bad = mesh.vertices.clone() * f32::NAN;
-    let after = step(&mut optimiser, first.clone(), 0.1, bad.clone());
+    let after = step(&mut optimizer, first.clone(), 0.1, bad.clone());
     assert_eq!(values(&after.val()), before);
-    let next = step(&mut optimiser, after, 0.1, mesh.vertices.clone());
+    let next = step(&mut optimizer, after, 0.1, mesh.vertices.clone());
     let expected = step(&mut twin, first, 0.1, mesh.vertices.clone());
     assert_eq!(values(&next.val()), values(&expected.val()));
     assert!(steps.precondition(bad).is_err());

@@ -146,8 +146,8 @@ fn pyramid_of_means() {
             assert_eq!(values(level), expected);
         }
         // Channels stay apart, and the mean of even sizes stays.
-        let colours = noise(1, 8 * 4 * 3);
-        let levels = pyramid(place.tensor(&colours, [8, 4, 3]), 3);
+        let colors = noise(1, 8 * 4 * 3);
+        let levels = pyramid(place.tensor(&colors, [8, 4, 3]), 3);
         let shapes: Vec<_> = levels.iter().map(Tensor::dims).collect();
         assert_eq!(shapes, [[8, 4, 3], [4, 2, 3], [2, 1, 3]]);
         for channel in 0..3 {

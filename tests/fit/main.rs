@@ -1,4 +1,4 @@
-//! Fits and what they are made of: the loop, losses, regularisers, schedules, modules.
+//! Fits and what they are made of: the loop, losses, regularizers, schedules, modules.
 
 #[path = "../common/mod.rs"]
 mod common;

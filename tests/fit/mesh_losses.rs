@@ -10,10 +10,10 @@ use crate::common::tensors::{gradient, tensor, values};
 use burn::tensor::DType;
 use glam::DVec3;
 use mesh_loops::{bends, cotangents, umbrella};
-use softray::optim::MeshRegulariser;
+use softray::optim::MeshRegularizer;
 use softray::prelude::*;
 
-type Loss = fn(&MeshRegulariser, Tensor<3>) -> Tensor<1>;
+type Loss = fn(&MeshRegularizer, Tensor<3>) -> Tensor<1>;
 
 const LOSSES: [(&str, Loss); 7] = [
     ("laplacian", |r, v| r.laplacian(v)),
@@ -36,9 +36,9 @@ fn points(mesh: &Mesh) -> Vec<DVec3> {
     common::tensors::points(&mesh.vertices)
 }
 
-/// The regulariser and vertices `[1, V, 3]` of a mesh, in f64.
-fn of(mesh: &Mesh) -> (MeshRegulariser, Tensor<3>) {
-    let regular = MeshRegulariser::from_mesh(mesh).expect("a mesh");
+/// The regularizer and vertices `[1, V, 3]` of a mesh, in f64.
+fn of(mesh: &Mesh) -> (MeshRegularizer, Tensor<3>) {
+    let regular = MeshRegularizer::from_mesh(mesh).expect("a mesh");
     let vertices = batch(&[points(mesh)], &mesh.vertices.device(), DType::F64);
     (regular, vertices)
 }
@@ -151,7 +151,7 @@ fn equal_to_plain_loops() {
             shapes::torus(1.0, 0.4, 9, 5, &device),
         ] {
             let v = shaken(&points(&mesh), 0.15, 3);
-            let r = MeshRegulariser::from_mesh(&mesh).expect("a mesh");
+            let r = MeshRegularizer::from_mesh(&mesh).expect("a mesh");
             let t = || batch(std::slice::from_ref(&v), &device, DType::F64);
             let weights = cotangents(&v, &mesh.faces);
             let uniform = weights.keys().map(|e| (*e, 1.0)).collect();
@@ -176,7 +176,7 @@ fn gradients_are_central_differences() {
     let step = 1e-6;
     for device in cpu_devices() {
         let mesh = shapes::icosphere(1, &device);
-        let r = MeshRegulariser::from_mesh(&mesh).expect("a mesh");
+        let r = MeshRegularizer::from_mesh(&mesh).expect("a mesh");
         let meshes = [1, 2].map(|seed| shaken(&points(&mesh), 0.1, seed));
         let fixed = meshes.each_ref().map(|v| cotangents(v, &mesh.faces));
         for (name, loss) in LOSSES {
@@ -216,7 +216,7 @@ fn gradients_are_central_differences() {
 fn a_batch_is_its_items() {
     let device = Device::flex();
     let mesh = shapes::torus(1.0, 0.4, 8, 6, &device);
-    let r = MeshRegulariser::from_mesh(&mesh).expect("a mesh");
+    let r = MeshRegularizer::from_mesh(&mesh).expect("a mesh");
     let meshes: Vec<_> = (0..3).map(|s| shaken(&points(&mesh), 0.1, s)).collect();
     let together = batch(&meshes, &device, DType::F64);
     let alone = |i: usize| batch(&meshes[i..=i], &device, DType::F64);
@@ -250,7 +250,7 @@ fn disjoint_parts_are_one_mesh() {
         .copied()
         .chain(b.faces.iter().map(shift))
         .collect();
-    let r = MeshRegulariser::new(&faces, 12, &device).expect("a mesh");
+    let r = MeshRegularizer::new(&faces, 12, &device).expect("a mesh");
     let v = batch(&[[points(&a), points(&b)].concat()], &device, DType::F64);
     close(scalar(r.volume(v.clone())), 8.0 / 3.0 + 8.0, 1e-12);
     // 6 edges of 4/3 and 18 of 2/3.
@@ -265,7 +265,7 @@ fn finite_on_degenerate_triangles() {
         let mut faces = mesh.faces.to_vec();
         faces.extend([[0, 0, 1], faces[0], faces[0]]);
         let whole = points(&mesh);
-        let r = MeshRegulariser::new(&faces, whole.len() + 1, &device).expect("a mesh");
+        let r = MeshRegularizer::new(&faces, whole.len() + 1, &device).expect("a mesh");
         let with = |change: fn(usize, DVec3) -> DVec3| -> Vec<DVec3> {
             let mut v: Vec<_> = whole
                 .iter()
@@ -316,7 +316,7 @@ fn finite_on_degenerate_triangles() {
 fn bends_are_the_same_at_any_scale() {
     let device = Device::flex();
     let mesh = shapes::icosphere(2, &device);
-    let r = MeshRegulariser::from_mesh(&mesh).expect("a mesh");
+    let r = MeshRegularizer::from_mesh(&mesh).expect("a mesh");
     let v = shaken(&points(&mesh), 0.05, 4);
     for (name, loss) in &LOSSES[2..4] {
         let at = |scale: f64, dtype| {
@@ -337,7 +337,7 @@ fn bends_are_the_same_at_any_scale() {
 fn one_triangle_has_no_bends() {
     let device = Device::flex().autodiff();
     let mesh = shapes::triangle([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], &device);
-    let r = MeshRegulariser::from_mesh(&mesh).expect("a mesh");
+    let r = MeshRegularizer::from_mesh(&mesh).expect("a mesh");
     let leaf = mesh.vertices.require_grad();
     for (_, loss) in &LOSSES[2..4] {
         let value = loss(&r, leaf.clone().unsqueeze());
@@ -352,7 +352,7 @@ fn one_triangle_has_no_bends() {
 fn tracked_and_untracked_mix() {
     let plain = Device::flex();
     let mesh = shapes::cube(&plain);
-    let r = MeshRegulariser::from_mesh(&mesh).expect("a mesh");
+    let r = MeshRegularizer::from_mesh(&mesh).expect("a mesh");
     let constant: Tensor<3> = mesh.vertices.clone().autodiff().unsqueeze();
     let leaf = mesh.vertices.clone().autodiff().require_grad();
     for (name, loss) in LOSSES {
@@ -360,7 +360,7 @@ fn tracked_and_untracked_mix() {
         let gradient = leaf.grad(&sum.backward());
         assert!(gradient.is_some(), "{name}");
     }
-    // And a regulariser that was made on a device with autodiff takes plain vertices.
+    // And a regularizer that was made on a device with autodiff takes plain vertices.
     let (r, _) = of(&shapes::cube(&plain.autodiff()));
     close(scalar(r.volume(mesh.vertices.unsqueeze())), 8.0, 1e-5);
 }
@@ -368,7 +368,7 @@ fn tracked_and_untracked_mix() {
 #[test]
 fn errors_name_the_field_and_the_value() {
     let device = Device::flex();
-    let of = |faces: &[[u32; 3]]| message(MeshRegulariser::new(faces, 3, &device));
+    let of = |faces: &[[u32; 3]]| message(MeshRegularizer::new(faces, 3, &device));
     says(of(&[]), ["faces is without a triangle"]);
     says(of(&[[0, 0, 1]]), ["three different vertices"]);
     let beyond = of(&[[0, 1, 2], [0, 1, 3]]);

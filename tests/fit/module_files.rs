@@ -35,7 +35,7 @@ fn all(device: &Device) -> All {
             .init(device)
             .expect("a camera")
             .freeze_lens(),
-        texture: TextureParams::grey(3, 4, device),
+        texture: TextureParams::gray(3, 4, device),
         sky: EnvironmentParams::uniform(2, 4, 1.0, device).expect("a sky"),
         surface: MaterialParamsConfig::new()
             .with_specular(Some([0.2; 3]))

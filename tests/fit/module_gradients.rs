@@ -136,7 +136,7 @@ fn gradients_of_textures_environments_and_materials() {
             .with(Object::new(wall()).material(material))
             .with(light)
     };
-    let texture = TextureParams::grey(2, 3, &device);
+    let texture = TextureParams::gray(2, 3, &device);
     check(texture, &[("logits", 4)], |t| {
         seen(&lit(Material::diffuse(t.albedo(Wrap::Clamp))), &ahead())
     });

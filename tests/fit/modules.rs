@@ -47,7 +47,7 @@ fn values_come_back() {
     let back = MaterialParams::from_material(&material, &device)
         .expect("a material")
         .material();
-    let colour = |albedo: &ColorTexture| match albedo {
+    let color = |albedo: &ColorTexture| match albedo {
         ColorTexture::Constant(p) => p.values().expect("values"),
         ColorTexture::Texture { .. } => panic!("a texture"),
     };
@@ -59,10 +59,10 @@ fn values_come_back() {
     else {
         panic!("{back:?}");
     };
-    near(&colour(diffuse), &[0.6, 0.3, 0.1]);
-    near(&colour(specular), &[0.2, 0.1, 0.3]);
+    near(&color(diffuse), &[0.6, 0.3, 0.1]);
+    near(&color(specular), &[0.2, 0.1, 0.3]);
     near(&shininess.values().expect("shininess"), &[25.0]);
-    near(&colour(&back.emission), &[1.0, 2.0, 3.0]);
+    near(&color(&back.emission), &[1.0, 2.0, 3.0]);
     let plain = MaterialParams::from_material(&Material::diffuse([0.4; 3]), &device);
     assert_eq!(plain.expect("a material").num_params(), 6);
 
@@ -76,7 +76,7 @@ fn values_come_back() {
         ScalarTexture::Texture { .. } => panic!("a texture"),
     };
     let metal = round(Material::metallic_roughness([0.7, 0.5, 0.2], 0.8, 0.4));
-    near(&colour(base(&metal)), &[0.7, 0.5, 0.2]);
+    near(&color(base(&metal)), &[0.7, 0.5, 0.2]);
     near(&number(metallic(&metal)), &[0.8]);
     near(&number(roughness(&metal)), &[0.4]);
     let gold = round(Material::conductor(
@@ -194,7 +194,7 @@ fn world(device: &Device) -> World {
         mesh: MeshParams::from_mesh(&shapes::icosahedron(device)),
         pose: RigidTransformConfig::new().with_scale(true).init(device),
         camera: camera.expect("a camera").freeze_lens(),
-        texture: TextureParams::grey(2, 2, device),
+        texture: TextureParams::gray(2, 2, device),
         surface: surface.expect("a material"),
         renderer: renderer.expect("a renderer"),
         loss: RenderLossConfig::new().with_l1(0.1).init().expect("a loss"),
@@ -233,7 +233,7 @@ fn learns<M: Module + std::fmt::Display + 'static>(module: &M, loss: Tensor<1>) 
 
 #[cfg(feature = "fit")]
 #[test]
-fn an_optimiser_moves_all_but_the_frozen() {
+fn an_optimizer_moves_all_but_the_frozen() {
     use softray::optim::{Evaluation, Fit};
 
     let start = world(&autodiff());
@@ -277,8 +277,8 @@ fn an_optimiser_moves_all_but_the_frozen() {
 fn large_steps_stay_in_range() {
     let device = autodiff();
     for sign in [1.0, -1.0] {
-        // One step of Adam is the rate long in every component; signs differ between neighbours.
-        let mut optimiser = burn::optim::AdamConfig::new().init();
+        // One step of Adam is the rate long in every component; signs differ between neighbors.
+        let mut optimizer = burn::optim::AdamConfig::new().init();
         let mut moved = (
             world(&device).camera.unfreeze(),
             world(&device).surface,
@@ -289,7 +289,7 @@ fn large_steps_stay_in_range() {
         for _ in 0..2 {
             let loss = alternating(&moved) * sign;
             let gradients = burn::optim::GradientsParams::from_grads(loss.backward(), &moved);
-            moved = optimiser.step(400.0, moved, gradients);
+            moved = optimizer.step(400.0, moved, gradients);
         }
         let all = parameters(&moved, None);
         let far = largest(all.iter().flat_map(|p| p.values.clone()));

@@ -66,7 +66,7 @@ proptest! {
             prop_assert_eq!(schedule.at(0), start);
             prop_assert_eq!(schedule.at(hold + steps), end);
             for step in 0..hold + steps + 3 {
-                // Neighbours may be equal up to rounding where the ends are.
+                // Neighbors may be equal up to rounding where the ends are.
                 prop_assert!(schedule.at(step + 1) <= schedule.at(step) * (1.0 + 1e-14));
             }
         }

@@ -129,20 +129,20 @@ fn scenes_stay_on_the_device() {
     let kept = options.clone().cache(&HierarchyCache::default());
     let beside = shapes::icosphere(4, &device).scaled([0.5; 3]);
     let beside = beside.translated([1.2, 0.0, 0.0]);
-    // The sum of an image with a colour and a size of a body beside a larger one, and both in its graph.
-    let render = |colour: f32, size: f32, options: &RenderOptions| {
-        let colour = leaf(&[colour, 0.5, 0.6], &device);
+    // The sum of an image with a color and a size of a body beside a larger one, and both in its graph.
+    let render = |color: f32, size: f32, options: &RenderOptions| {
+        let color = leaf(&[color, 0.5, 0.6], &device);
         let size = leaf(&[size], &device);
         let body = shapes::icosphere(3, &device).scaled(size.clone());
         let scene = Scene::new()
             .with(diffuse(floor(2.0, -0.6, &device), [0.5, 0.4, 0.3]))
             .with(lamp(0.5, 2.0, [5.0, 4.0, 3.0], &device))
-            .with(Object::new(body).material(Material::diffuse(colour.clone())))
+            .with(Object::new(body).material(Material::diffuse(color.clone())))
             .with(diffuse(beside.clone(), [0.6, 0.5, 0.3]));
         let before = work();
         let image = render(&scene, &camera, options).expect("an image");
         let sent = (work() - before).uploaded_bytes;
-        (image.radiance.powf_scalar(2.0).sum(), [colour, size], sent)
+        (image.radiance.powf_scalar(2.0).sum(), [color, size], sent)
     };
     type Rendered = (Tensor<1>, [Tensor<1>; 2], u64);
     let numbers = |(loss, parameters, _): &Rendered| {
@@ -152,13 +152,13 @@ fn scenes_stay_on_the_device() {
     };
     let mut sent = Vec::new();
     let steps = [(0.3, 0.5), (0.4, 0.5), (0.4, 0.55), (0.4, 0.55), (0.2, 0.5)];
-    for (colour, size) in steps {
-        let step = render(colour, size, &kept);
+    for (color, size) in steps {
+        let step = render(color, size, &kept);
         sent.push(step.2);
-        assert_eq!(numbers(&step), numbers(&render(colour, size, &options)));
+        assert_eq!(numbers(&step), numbers(&render(color, size, &options)));
     }
     println!("bytes sent: {sent:?}");
-    // A colour, the body, nothing, both.
+    // A color, the body, nothing, both.
     assert!(sent[1] * 20 < sent[0] && sent[3] == 0);
     assert!(sent[2] > sent[1] && sent[2] * 3 < sent[0] && sent[4] * 3 < sent[0]);
     // From another thread all is sent again.
@@ -174,16 +174,16 @@ fn scenes_stay_on_the_device() {
         numbers(&render(0.2, 0.5, &options))
     );
     drop(again);
-    let after = [0.2, 0.3].map(|colour| {
-        let step = render(colour, 0.5, &kept);
+    let after = [0.2, 0.3].map(|color| {
+        let step = render(color, 0.5, &kept);
         numbers(&step);
         step.2
     });
     assert!(after[0] == sent[0] && after[1] * 20 < sent[0], "{after:?}");
     let first = render(0.3, 0.5, &kept);
     let second = render(0.9, 0.6, &kept);
-    for (step, (colour, size)) in [(&second, (0.9, 0.6)), (&first, (0.3, 0.5))] {
-        assert_eq!(numbers(step), numbers(&render(colour, size, &options)));
+    for (step, (color, size)) in [(&second, (0.9, 0.6)), (&first, (0.3, 0.5))] {
+        assert_eq!(numbers(step), numbers(&render(color, size, &options)));
     }
 }
 

@@ -95,17 +95,17 @@ fn derivatives_of_the_references() {
                             let corners = m.faces.iter().flatten();
                             let host = m.host_vertices().expect("vertices");
                             let n = 3.0 * m.faces.len() as f64;
-                            let mut centre = [0.0; 3];
+                            let mut center = [0.0; 3];
                             for &v in corners {
-                                for (c, x) in centre.iter_mut().zip(host[v as usize]) {
+                                for (c, x) in center.iter_mut().zip(host[v as usize]) {
                                     *c += x / n;
                                 }
                             }
-                            let centre = Tensor::<1>::from_data(centre.as_slice(), &device);
+                            let center = Tensor::<1>::from_data(center.as_slice(), &device);
                             let turn = Transform::new().axis_angle([0.0, 1.0, 0.0], x.clone());
-                            m.translated(centre.clone().neg())
+                            m.translated(center.clone().neg())
                                 .transformed(&turn)
-                                .translated(centre)
+                                .translated(center)
                         }
                     })
                 })

@@ -40,11 +40,11 @@ fn agrees_with_unblurred_differences(visibility: Visibility) {
         .collect();
 
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    let centred = |v: &[f64]| {
+    let centerd = |v: &[f64]| {
         let mean = mean(v);
         v.iter().map(|x| x - mean).collect::<Vec<f64>>()
     };
-    let (a, b) = (centred(&found), centred(&wanted));
+    let (a, b) = (centerd(&found), centerd(&wanted));
     let correlation = dot(&a, &b) / (dot(&a, &a) * dot(&b, &b)).sqrt();
     let slope = dot(&found, &wanted) / dot(&wanted, &wanted);
     let error = apart(&found, &wanted);

@@ -1,4 +1,4 @@
-//! Normal maps, alpha masks, colours and tangents of glTF files: what is read, and that what is written reads back
+//! Normal maps, alpha masks, colors and tangents of glTF files: what is read, and that what is written reads back
 //! to the same image.
 
 use crate::common::errors::{message, says};
@@ -99,26 +99,26 @@ fn details_without_coordinates_are_left_out() {
 }
 
 #[test]
-fn colours_and_tangents() {
+fn colors_and_tangents() {
     let mut file = Gltf::square();
     let view = file.view(&[
         255, 0, 51, 255, 0, 255, 51, 255, 0, 0, 51, 255, 255, 255, 51, 255,
     ]);
-    let colours = file.push(
+    let colors = file.push(
         "accessors",
         json!({"bufferView": view, "componentType": 5121, "normalized": true, "count": 4, "type": "VEC4"}),
     );
     let normals = file.floats("VEC3", &[[0.0, 0.0, 1.0]; 4]);
     let tangents = file.floats("VEC4", &[[1.0, 0.0, 0.0, 1.0]; 4]);
     let attributes = &mut file.json["meshes"][0]["primitives"][0]["attributes"];
-    attributes["COLOR_0"] = json!(colours);
+    attributes["COLOR_0"] = json!(colors);
     attributes["NORMAL"] = json!(normals);
     attributes["TANGENT"] = json!(tangents);
     file.json["nodes"][0]["matrix"] = json!([0, 2, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
     let (scene, told) = load(&file);
     assert!(told.is_empty(), "{told:?}");
     let mesh = &scene.objects[0].mesh;
-    let found = mesh.colours.as_ref().expect("colours");
+    let found = mesh.colors.as_ref().expect("colors");
     let expected = [1.0, 0.0, 0.2, 0.0, 1.0, 0.2, 0.0, 0.0, 0.2, 1.0, 1.0, 0.2];
     near(&values(&found.values), &expected);
     // x goes to 2 y; a mirror image has its bitangents on the other side.
@@ -126,7 +126,7 @@ fn colours_and_tangents() {
     near(&values(&found.values)[..4], &[0.0, 2.0, 0.0, -1.0]);
 }
 
-/// Normal maps with and without tangents, masks with and without a texture of colours, and colours with seams.
+/// Normal maps with and without tangents, masks with and without a texture of colors, and colors with seams.
 fn room() -> Scene {
     let device = Device::flex();
     let tilts = texels([3, 2, 3], |i| {
@@ -167,7 +167,7 @@ fn room() -> Scene {
         .with(put("leaf", screen(0.8, 0.1), leaf))
         .with(put(
             "tinted",
-            screen(0.0, -0.9).with_colours(tinted, faces),
+            screen(0.0, -0.9).with_colors(tinted, faces),
             Material::diffuse([0.6, 0.7, 0.5]),
         ))
         .with(lamp(0.8, 2.9, [9.0, 8.0, 7.0], &device).named("lamp"))
@@ -209,7 +209,7 @@ fn details_read_back_to_the_same_image() {
         |scene| scene.objects[1].mesh.tangents = None,
         |scene| scene.objects[2].materials[0].alpha_mask = None,
         |scene| scene.objects[3].materials[0].alpha_mask = None,
-        |scene| scene.objects[4].mesh.colours = None,
+        |scene| scene.objects[4].mesh.colors = None,
     ];
     for (i, change) in changes.into_iter().enumerate() {
         let mut changed = back.clone();
@@ -226,7 +226,7 @@ fn other_formats_tell_what_they_lose() {
     for (name, parts) in [
         (
             "a.obj",
-            &["the normal map", "the alpha mask", "the colours of tinted"][..],
+            &["the normal map", "the alpha mask", "the colors of tinted"][..],
         ),
         ("a.ply", &["the normal map", "the alpha mask"]),
     ] {

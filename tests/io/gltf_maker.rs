@@ -37,7 +37,7 @@ impl Gltf {
         file
     }
 
-    /// A square whose base colour is a texture of an image at a URI.
+    /// A square whose base color is a texture of an image at a URI.
     pub fn textured(uri: &str) -> Self {
         let mut file = Self::square();
         file.push("images", json!({"uri": uri}));
@@ -124,12 +124,12 @@ impl Gltf {
             "materials",
             json!({"extras": {"softray": {"conductor": metal}}}),
         );
-        let colours = file.floats("VEC3", &[[1.0, 0.5, 0.0]; 4]);
+        let colors = file.floats("VEC3", &[[1.0, 0.5, 0.0]; 4]);
         let normals = file.floats("VEC3", &[[0.0, 0.0, 1.0]; 4]);
         let tangents = file.floats("VEC4", &[[1.0, 0.0, 0.0, -1.0]; 4]);
         let mut second = file.json["meshes"][0]["primitives"][0].clone();
         let attributes = &mut file.json["meshes"][0]["primitives"][0]["attributes"];
-        attributes["COLOR_0"] = json!(colours);
+        attributes["COLOR_0"] = json!(colors);
         attributes["NORMAL"] = json!(normals);
         attributes["TANGENT"] = json!(tangents);
         second["material"] = json!(1);

@@ -51,9 +51,9 @@ fn number(texture: &ScalarTexture) -> Vec<f64> {
     }
 }
 
-fn colour(albedo: &ColorTexture) -> Vec<f64> {
+fn color(albedo: &ColorTexture) -> Vec<f64> {
     match albedo {
-        ColorTexture::Constant(p) => p.values().expect("a colour").to_vec(),
+        ColorTexture::Constant(p) => p.values().expect("a color").to_vec(),
         ColorTexture::Texture { texels, .. } => values(texels),
     }
 }
@@ -79,13 +79,13 @@ fn metal_and_roughness_are_of_linear_channels() {
     assert!(told.is_empty(), "{told:?}");
     let material = &scene.objects[0].materials[0];
     assert_eq!(model(material), "metallic roughness");
-    near(&colour(base(material)), &[0.9, 0.6, 0.3]);
+    near(&color(base(material)), &[0.9, 0.6, 0.3]);
     near(&number(roughness(material)), &[0.8 * 0.2, 0.8 * 0.4]);
     near(&number(metallic(material)), &[0.5, 0.0]);
-    // Colours of emission are sRGB: 188 is 0.502886.
+    // Colors of emission are sRGB: 188 is 0.502886.
     let green = 0.502_886_5 * 3.0;
     near(
-        &colour(&material.emission),
+        &color(&material.emission),
         &[6.0, green, 0.0, 0.0, 0.0, 0.0],
     );
     // As a file that leaves out all of it.
@@ -114,7 +114,7 @@ fn what_lets_all_light_pass_is_a_dielectric() {
     assert!(told.is_empty(), "{told:?}");
     let material = &scene.objects[0].materials[0];
     assert_eq!(model(material), "dielectric");
-    near(&colour(base(material)), &[0.5, 1.0, 1.0]);
+    near(&color(base(material)), &[0.5, 1.0, 1.0]);
     let Bsdf::Dielectric { ior, .. } = &material.bsdf else {
         panic!("{material:?}");
     };

@@ -13,7 +13,7 @@ use softray::modules::{
     CameraParamsConfig, EnvironmentParams, MaterialParams, MaterialParamsConfig, RenderLossConfig,
     Renderer, RigidTransform, TextureParams,
 };
-use softray::optim::{BlurSchedule, LargeSteps, LargeStepsConfig, MeshRegulariser};
+use softray::optim::{BlurSchedule, LargeSteps, LargeStepsConfig, MeshRegularizer};
 use softray::prelude::*;
 use softray::{Error, loss};
 
@@ -146,8 +146,8 @@ fn modules() {
     });
     told.expect(
         "no vertices",
-        &["regulariser", "face 0", "[0, 1, 2]"],
-        || MeshRegulariser::new(&[[0, 1, 2]], 2, &device),
+        &["regularizer", "face 0", "[0, 1, 2]"],
+        || MeshRegularizer::new(&[[0, 1, 2]], 2, &device),
     );
     told.expect("lambda", &["large steps", "lambda", "-1"], || {
         LargeSteps::from_mesh(&ball().mesh, &LargeStepsConfig::default().lambda(-1.0))
@@ -209,7 +209,7 @@ fn errors_keep_their_source() {
 }
 
 /// Entries of a material that are not read are told once a file, by name; a texture without
-/// coordinates gives way to the colour.
+/// coordinates gives way to the color.
 #[test]
 fn what_files_hold_and_is_not_read() {
     let folder = Folder::new("unread");
@@ -315,16 +315,16 @@ fn fields_that_scene_files_do_not_have() {
     folder.write("s.obj", format!("{TRIANGLE}f 1 2 3\n"));
     let text = r#"{"obj": "s.obj", "enviroment": [1, 1, 1], "camera": {"eye": [0, 0, 4],
         "target": [0, 0, 0], "fov_y_degrees": 40, "width": 4, "height": 4, "fov": 3}, "lights": [
-        {"kind": "point", "position": [1, 1, 1], "intensity": [1, 1, 1], "colour": [1, 0, 0]}]}"#;
+        {"kind": "point", "position": [1, 1, 1], "intensity": [1, 1, 1], "color": [1, 0, 0]}]}"#;
     let path = folder.write("s.json", text);
     let told = warnings(|| SceneFile::load(&path, &flex()).expect("a scene"));
     let whole = told.len() == 1 && told[0].contains("s.json");
-    let fields = "not known: enviroment, camera.fov, lights[0].colour";
+    let fields = "not known: enviroment, camera.fov, lights[0].color";
     assert!(whole && told[0].ends_with(fields), "{told:?}");
     let known = text
         .replace("enviroment", "environment")
         .replace(", \"fov\": 3", "");
-    let path = folder.write("s.json", known.replace(", \"colour\": [1, 0, 0]", ""));
+    let path = folder.write("s.json", known.replace(", \"color\": [1, 0, 0]", ""));
     let told = warnings(|| SceneFile::load(&path, &flex()).expect("a scene"));
     assert!(told.is_empty(), "{told:?}");
 }
@@ -373,7 +373,7 @@ fn images_that_are_not_there() {
         assert!(whole && told[0].contains(part), "{told:?}");
         let material = &scene.objects[0].materials[0];
         let diffuse = match base(material) {
-            ColorTexture::Constant(p) => p.values().expect("a colour"),
+            ColorTexture::Constant(p) => p.values().expect("a color"),
             ColorTexture::Texture { .. } => panic!("a texture"),
         };
         assert_eq!(diffuse, [1.0, 0.5, 0.0]);

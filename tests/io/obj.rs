@@ -61,8 +61,8 @@ fn objects_and_materials() {
     assert_eq!(constant(diffuse), [0.5; 3]);
     assert_eq!(constant(specular), [0.25, 0.25, 0.2]);
     assert_eq!(shininess.values().expect("values"), [40.0]);
-    let grey = constant(base(&Material::default()));
-    assert_eq!(constant(base(&first.materials[2])), grey);
+    let gray = constant(base(&Material::default()));
+    assert_eq!(constant(base(&first.materials[2])), gray);
 
     let second = &scene.objects[1];
     assert_eq!(
@@ -72,7 +72,7 @@ fn objects_and_materials() {
     let lamp = &second.materials[0];
     assert_eq!(constant(&lamp.emission), [17.0, 12.0, 4.0]);
     assert_eq!(constant(base(lamp)), [0.0; 3]);
-    assert_eq!(constant(base(&second.materials[1])), grey);
+    assert_eq!(constant(base(&second.materials[1])), gray);
 }
 
 #[test]

@@ -69,21 +69,18 @@ fn outputs_are_pictures_and_data() {
             let n = normals[3 * i + c];
             close(of_normals.get_pixel(x, y).0[c], byte(0.5 + 0.5 * n));
         }
-        let colour = &of_depth.get_pixel(x, y).0[..3];
+        let color = &of_depth.get_pixel(x, y).0[..3];
         if d == 0.0 {
-            assert_eq!(colour, [128; 3]);
+            assert_eq!(color, [128; 3]);
             found[0] += 1;
         } else if d == near {
             // The ends of viridis.
-            assert!(
-                colour[0] > 60 && colour[1] < 5 && colour[2] > 80,
-                "{colour:?}"
-            );
+            assert!(color[0] > 60 && color[1] < 5 && color[2] > 80, "{color:?}");
             found[1] += 1;
         } else if d == far {
             assert!(
-                colour[0] > 245 && colour[1] > 225 && colour[2] < 45,
-                "{colour:?}"
+                color[0] > 245 && color[1] > 225 && color[2] < 45,
+                "{color:?}"
             );
             found[2] += 1;
         }
@@ -155,7 +152,7 @@ fn animations_loop_at_their_rate() {
             .map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2))
             .sum();
         let apart = (apart / still.len() as f64).sqrt();
-        // 256 colours for 768 noisy pixels; linear bytes would be 60 off.
+        // 256 colors for 768 noisy pixels; linear bytes would be 60 off.
         assert!(apart < 8.0, "{apart}");
     }
     // Eight thirtieths of a second.

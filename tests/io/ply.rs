@@ -174,7 +174,7 @@ fn textures_of_scans() {
 }
 
 #[test]
-fn vertex_colours() {
+fn vertex_colors() {
     let text = |kind: &str, rows: [&str; 3]| {
         let [a, b, c] = rows;
         format!(
@@ -199,19 +199,19 @@ fn vertex_colours() {
         ),
     ] {
         let mut scene = Scene::new();
-        let told = warnings(|| scene = load("colours", text(kind, rows)).expect("a scene"));
+        let told = warnings(|| scene = load("colors", text(kind, rows)).expect("a scene"));
         assert!(told.is_empty(), "{told:?}");
         let object = &scene.objects[0];
-        let colours = object.mesh.colours.as_ref().expect("colours");
-        for (c, e) in common::values(&colours.values).iter().zip(expected) {
+        let colors = object.mesh.colors.as_ref().expect("colors");
+        for (c, e) in common::values(&colors.values).iter().zip(expected) {
             assert!((c - e).abs() < 1e-6, "{kind}: {c} {e}");
         }
         let ColorTexture::Constant(albedo) = base(&object.materials[0]) else {
             panic!("a texture");
         };
-        assert_eq!(albedo.values().expect("a colour"), [1.0; 3]);
+        assert_eq!(albedo.values().expect("a color"), [1.0; 3]);
         // Written and read they are the same.
-        let folder = Folder::new(&format!("ply-colours-{kind}"));
+        let folder = Folder::new(&format!("ply-colors-{kind}"));
         let path = folder.path("scan.ply");
         scene.write(&path).expect("a file");
         let written = std::fs::read(&path).expect("bytes");
@@ -222,10 +222,10 @@ fn vertex_colours() {
                 .any(|w| w == property.as_bytes())
         );
         let back = Scene::load(&path, &Device::flex()).expect("a scene");
-        let again = back.objects[0].mesh.colours.as_ref().expect("colours");
+        let again = back.objects[0].mesh.colors.as_ref().expect("colors");
         assert_eq!(
             common::values(&again.values),
-            common::values(&colours.values)
+            common::values(&colors.values)
         );
     }
 }

@@ -12,9 +12,9 @@ use burn::tensor::Gradients;
 use serde_json::{Value, json};
 use softray::prelude::*;
 
-/// A picture of one colour, which takes few bytes.
-fn flat(folder: &Folder, side: usize, colour: [f32; 3]) -> String {
-    let pixels = colour.repeat(side * side);
+/// A picture of one color, which takes few bytes.
+fn flat(folder: &Folder, side: usize, color: [f32; 3]) -> String {
+    let pixels = color.repeat(side * side);
     let image = HostImage::new(side, side, pixels).expect("an image");
     let path = folder.path("flat.png");
     image.write(&path).expect("a file");

@@ -34,7 +34,7 @@ pub fn near(found: &[f64], expected: &[f64]) {
     assert!(most < 1e-6, "{found:?} {expected:?}");
 }
 
-/// A colour that is no texture.
+/// A color that is no texture.
 pub fn constant(albedo: &ColorTexture) -> [f64; 3] {
     match albedo {
         ColorTexture::Constant(p) => p.values().expect("values"),

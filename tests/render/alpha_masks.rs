@@ -21,7 +21,7 @@ fn holes_show_what_is_behind_and_let_light_through() {
             &device,
         )
     };
-    let grey = Material::diffuse([0.6; 3]);
+    let gray = Material::diffuse([0.6; 3]);
     for (engine, more) in [
         (Engine::Kernels, 0),
         (Engine::Kernels, 60),
@@ -37,9 +37,9 @@ fn holes_show_what_is_behind_and_let_light_through() {
             }
             radiance(&scene, &camera, &options(engine))
         };
-        let holed = image(plate(-1.0), half_open(grey.clone()));
-        let half = image(plate(0.0), grey.clone());
-        let whole = image(plate(-1.0), grey.clone());
+        let holed = image(plate(-1.0), half_open(gray.clone()));
+        let half = image(plate(0.0), gray.clone());
+        let whole = image(plate(-1.0), gray.clone());
         let close = |a: &[f64], b: &[f64]| share_of_close(a, b, 1e-4);
         assert!(close(&holed, &half) > 0.99, "{}", close(&holed, &half));
         assert!(close(&holed, &whole) < 0.8, "{}", close(&holed, &whole));

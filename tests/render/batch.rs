@@ -188,7 +188,7 @@ fn on_ndarray_too() {
 }
 
 /// A template with vertices of its own in every scene, seen by two cameras each, in one batch or one
-/// by one: images, and gradients of what scales and colours the templates.
+/// by one: images, and gradients of what scales and colors the templates.
 fn deformed(options: &RenderOptions, together: bool) -> [Vec<f64>; 3] {
     let device = Device::flex();
     let ball = shapes::icosphere(2, &device).cast(DType::F64);

@@ -81,13 +81,13 @@ fn a_calibration_is_a_camera() {
     same(&wanted, &camera(k(12.0, 8.0)));
     // A principal point 4 pixels further right and 3 up shows the same, moved by as much.
     let fixed = options().sampling(Sampling::default()).samples(64);
-    let centred = image(&camera(k(12.0, 8.0)), &fixed);
+    let centerd = image(&camera(k(12.0, 8.0)), &fixed);
     let moved = image(&camera(k(16.0, 5.0)), &fixed);
     let at = |i: &[f64], x: usize, y: usize| i[3 * (24 * y + x)];
     let mut apart = 0.0;
     for y in 0..13 {
         for x in 4..24 {
-            apart += (at(&moved, x, y) - at(&centred, x - 4, y + 3)).abs();
+            apart += (at(&moved, x, y) - at(&centerd, x - 4, y + 3)).abs();
         }
     }
     assert!(apart / (13.0 * 20.0) < 0.01, "{apart}");

@@ -112,7 +112,7 @@ fn modules_show_their_parameters() {
         "RigidTransform { rotation: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0], translation: [0.0, 0.0, 0.0] }",
     );
     same(
-        &TextureParams::grey(8, 16, &device),
+        &TextureParams::gray(8, 16, &device),
         "TextureParams { logits: [8, 16, 3] on flex in the graph }",
     );
     let camera = CameraParamsConfig::new([0.0, 0.0, 4.0], [0.0; 3]);

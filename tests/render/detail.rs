@@ -1,4 +1,4 @@
-//! Scenes of colours at corners, normal maps and holes.
+//! Scenes of colors at corners, normal maps and holes.
 
 use burn::tensor::{DType, Device, Tensor};
 use softray::prelude::*;

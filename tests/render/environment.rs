@@ -214,8 +214,8 @@ fn a_bad_map_is_named() {
         DType::F32,
     ));
     says(nan, ["environment texel (3, 5)"]);
-    let grey = of(Environment::map(tensor(&[0.5; 6], [2, 3, 1], DType::F32)));
-    says(grey, ["[2, 3, 1]"]);
+    let gray = of(Environment::map(tensor(&[0.5; 6], [2, 3, 1], DType::F32)));
+    says(gray, ["[2, 3, 1]"]);
     says(of(sky(|_, _| [1.0; 3], DType::F64)), ["environment"]);
 }
 

@@ -343,9 +343,9 @@ fn lit(mesh: Mesh, material: Material) -> Vec<f64> {
 #[test]
 fn a_sphere_is_shaded_like_one() {
     let device = Device::flex();
-    let grey = || Material::diffuse([0.7; 3]);
-    let round = lit(shapes::sphere(256, 128, &device), grey());
-    let off = |mesh: Mesh| rmse(&lit(mesh, grey()), &round);
+    let gray = || Material::diffuse([0.7; 3]);
+    let round = lit(shapes::sphere(256, 128, &device), gray());
+    let off = |mesh: Mesh| rmse(&lit(mesh, gray()), &round);
     let coarse = || shapes::sphere(20, 10, &device);
     let (smooth, flat) = (off(coarse()), off(coarse().without_normals()));
     let computed = off(coarse().smooth_normals());

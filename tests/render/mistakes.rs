@@ -133,7 +133,7 @@ fn scenes() {
             see(ball().material(Material::diffuse(ColorTexture::texture(rgba))))
         },
     );
-    told.expect("an RGBA colour", &["diffuse", "[4]", "[3]"], || {
+    told.expect("an RGBA color", &["diffuse", "[4]", "[3]"], || {
         see(ball().material(Material::diffuse(row([0.5; 4]))))
     });
     told.expect(

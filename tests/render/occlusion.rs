@@ -91,7 +91,7 @@ fn standing_objects_neither_leak_nor_shadow_themselves() {
     let device = Device::flex();
     let floor = facing_up([-4.0, 4.0], [-4.0, 4.0], 0.0, &device);
     let offset = |v: [f64; 3]| Tensor::<1>::from_floats(v.map(|x| x as f32), &device);
-    let grey = |m: Mesh| diffuse(m, [0.6; 3]);
+    let gray = |m: Mesh| diffuse(m, [0.6; 3]);
     let bowl = {
         // The lower half of a sphere's faces: open, and concave from inside.
         let ball = shapes::icosphere(2, &device);
@@ -126,8 +126,8 @@ fn standing_objects_neither_leak_nor_shadow_themselves() {
     for (name, mesh) in cases {
         let light = facing_down([-1.5, -0.5], [0.5, 1.5], 3.0, &device);
         let scene = Scene::new()
-            .with(grey(floor.clone()))
-            .with(grey(mesh))
+            .with(gray(floor.clone()))
+            .with(gray(mesh))
             .with(emitting(light, [9.0; 3]));
         let camera = Camera::look_at([0.4, 2.5, 4.0], [0.0, 0.4, 0.0]).fov_y(45.0);
         let at = |angle| {

@@ -176,11 +176,11 @@ fn outputs_of_the_camera_rays() {
     let normals = values(&image.normals.expect("normals"));
     let ids = image.object_ids.expect("ids").into_data();
     let ids: Vec<i64> = ids.iter::<i64>().collect();
-    let centre = 15 * 31 + 15;
-    assert!((opacity[centre] - 1.0).abs() < 1e-4);
-    assert!((depth[centre] - 3.0).abs() < 1e-2, "{}", depth[centre]);
-    assert!((normals[3 * centre + 2] - 1.0).abs() < 1e-4);
-    assert_eq!(ids[centre], 0);
+    let center = 15 * 31 + 15;
+    assert!((opacity[center] - 1.0).abs() < 1e-4);
+    assert!((depth[center] - 3.0).abs() < 1e-2, "{}", depth[center]);
+    assert!((normals[3 * center + 2] - 1.0).abs() < 1e-4);
+    assert_eq!(ids[center], 0);
     assert_eq!(ids[15 * 31 + 30], 1);
     assert_eq!(ids[0], -1);
     assert!(opacity[0] < 1e-4);

@@ -1,4 +1,4 @@
-//! Colours at corners, normal maps with their tangents, and all of it with alpha masks.
+//! Colors at corners, normal maps with their tangents, and all of it with alpha masks.
 
 use crate::common::errors::{message, says};
 use crate::common::numbers::{apart, furthest, largest};
@@ -191,12 +191,12 @@ fn tangents_move_with_their_mesh() {
 }
 
 #[test]
-fn colours_multiply_the_albedo() {
-    let (albedo, colour) = ([0.8, 0.7, 0.6], [0.5, 0.9, 0.4]);
-    let product: [f64; 3] = std::array::from_fn(|i| albedo[i] * colour[i]);
+fn colors_multiply_the_albedo() {
+    let (albedo, color) = ([0.8, 0.7, 0.6], [0.5, 0.9, 0.4]);
+    let product: [f64; 3] = std::array::from_fn(|i| albedo[i] * color[i]);
     let mesh = wall();
     let faces = mesh.faces.clone();
-    let painted = mesh.with_colours(constant(&colour, [1, 3]), vec![[0; 3]; faces.len()]);
+    let painted = mesh.with_colors(constant(&color, [1, 3]), vec![[0; 3]; faces.len()]);
     for engine in ENGINES {
         let found = seen(diffuse(painted.clone(), albedo), engine);
         let expected = seen(diffuse(wall(), product), engine);
@@ -204,8 +204,8 @@ fn colours_multiply_the_albedo() {
     }
 }
 
-/// Two faces of other colours, whose common edge moves.
-fn two_colours(point: &Point) -> softray::Result<(Scene, Camera)> {
+/// Two faces of other colors, whose common edge moves.
+fn two_colors(point: &Point) -> softray::Result<(Scene, Camera)> {
     let (device, dtype) = (&point.device, point.dtype);
     let rest = [
         -1.0, -1.0, 0.0, 0.0, -1.0, 0.0, 0.3, 1.0, 0.0, -1.0, 1.0, 0.0, 1.0, -1.0, 0.0, 1.0, 1.0,
@@ -216,9 +216,9 @@ fn two_colours(point: &Point) -> softray::Result<(Scene, Camera)> {
     let x = point.get("x")?.reshape([1, 1]);
     let vertices = tensor(&rest, [6, 3], device, dtype) + tensor(&by, [6, 3], device, dtype) * x;
     let faces = vec![[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]];
-    let colours = tensor(&[0.9, 0.5, 0.1, 0.1, 0.3, 0.8], [2, 3], device, dtype);
+    let colors = tensor(&[0.9, 0.5, 0.1, 0.1, 0.3, 0.8], [2, 3], device, dtype);
     let mesh = Mesh::new(vertices, faces);
-    let mesh = mesh.with_colours(colours, vec![[0; 3], [0; 3], [1; 3], [1; 3]]);
+    let mesh = mesh.with_colors(colors, vec![[0; 3], [0; 3], [1; 3], [1; 3]]);
     let scene = Scene::new()
         .with(diffuse(mesh, [0.9; 3]))
         .environment([1.0; 3]);
@@ -229,13 +229,13 @@ fn two_colours(point: &Point) -> softray::Result<(Scene, Camera)> {
 }
 
 #[test]
-fn colours_jump_where_faces_meet() {
+fn colors_jump_where_faces_meet() {
     let options = RenderOptions::new(8, 8).samples(16).bounces(0);
     let settings = GradCheck::new(options, &Device::flex())
         .precision(0.01)
         .seeds(8, 400);
     let parameters = [Checked::new("x", [0.1], 0.05)];
-    let report = gradcheck(&parameters, &settings, two_colours).expect("a report");
+    let report = gradcheck(&parameters, &settings, two_colors).expect("a report");
     println!("{report}");
     assert_eq!(report.rows[0].verdict, Verdict::Agrees);
     assert!(report.rows[0].difference.mean.abs() > 0.01);
@@ -255,7 +255,7 @@ fn engines_agree_on_all_of_it() {
         let paint = leaf(&[0.5, 0.7, 0.9, 0.8, 0.4, 0.6], &device);
         let mut mesh = ball().translated(place.clone());
         let faces: Vec<[u32; 3]> = mesh.faces.iter().map(|f| f.map(|v| v % 2)).collect();
-        mesh = mesh.with_colours(paint.clone().reshape([2, 3]), faces);
+        mesh = mesh.with_colors(paint.clone().reshape([2, 3]), faces);
         let mut material = Material::phong([0.5; 3], [0.3; 3], 9.0);
         if masked {
             material = half_open(material);
@@ -315,8 +315,8 @@ fn mistakes_are_told() {
         ["alpha mask texel (0, 0)"],
     );
     let faces = wall().faces;
-    let few = wall().with_colours(constant(&[0.5; 6], [2, 3]), faces.clone());
-    says(see(Object::new(few)), ["colours", "under 2"]);
+    let few = wall().with_colors(constant(&[0.5; 6], [2, 3]), faces.clone());
+    says(see(Object::new(few)), ["colors", "under 2"]);
     let side = wall().with_tangents(constant(&[1.0, 0.0, 0.0, 0.5].repeat(4), [4, 4]), faces);
     says(
         see(Object::new(side).material(flat)),

@@ -78,7 +78,7 @@ impl Clock {
     fn run<M: Module>(
         &self,
         mut module: M,
-        mut optimiser: ModuleOptimizer,
+        mut optimizer: ModuleOptimizer,
         seed: u64,
         loss: impl Fn(&M, f64, [u64; 2]) -> softray::Result<Tensor<1>>,
         look: impl Fn(&M) -> softray::Result<Value>,
@@ -93,7 +93,7 @@ impl Clock {
             let rate = self.rate[0] * (self.rate[1] / self.rate[0]).powf(share);
             let gradients = loss(&module, share, seeds(step))?.backward();
             let gradients = GradientsParams::from_grads(gradients, &module);
-            module = optimiser.step(rate, module, gradients);
+            module = optimizer.step(rate, module, gradients);
             passed += start.elapsed().as_secs_f64();
             step += 1;
             if passed * self.looks as f64 >= trace.len() as f64 * self.seconds {

@@ -73,7 +73,7 @@ impl Surface {
                 Param::from_tensor(Tensor::<1>::from_floats(v.as_slice(), &device))
             };
             let parts = Parts {
-                texture: TextureParams::grey(height, width, &device),
+                texture: TextureParams::gray(height, width, &device),
                 shininess: leaf(&[exponent(self.alpha[1])]),
                 radiance: leaf(&self.radiance[1]),
             };

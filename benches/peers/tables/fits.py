@@ -46,7 +46,7 @@ def problems(a):
             },
         }, {
             "softray": {"samples": 1, "rate": [0.1, 0.01], "lambda": 8.0},
-            # Its tutorial's integrator, λ, optimiser and rate; samples and the fall of the rate are ours.
+            # Its tutorial's integrator, λ, optimizer and rate; samples and the fall of the rate are ours.
             "Mitsuba": {"method": "direct_projective", "samples": 16, "rate": [0.1, 0.01], "lambda": 25.0},
         }
     yield "surface", {
@@ -163,11 +163,11 @@ def plot(result, folder):
     figure, axes = plt.subplots(1, len(names), figsize=(4 * len(names), 3.4), squeeze=False)
     for axis, name in zip(axes[0], names):
         for r in (r for r in result["rows"] if r["problem"] == name):
-            colour = f"C{RENDERERS.index(r['renderer'])}"
+            color = f"C{RENDERERS.index(r['renderer'])}"
             for k, fit in enumerate(r["fits"]):
                 t, e = zip(*fit["trace"])
                 e = [x[0] if isinstance(x, list) else x for x in e]
-                axis.semilogy(t, e, color=colour, alpha=0.6, lw=1, label=r["renderer"] if k == 0 else None)
+                axis.semilogy(t, e, color=color, alpha=0.6, lw=1, label=r["renderer"] if k == 0 else None)
         axis.set_title(TITLES[name], fontsize=9)
         axis.set_xlabel("seconds")
         axis.grid(True, alpha=0.3)

@@ -7,9 +7,7 @@ use super::buffers::Target;
 use super::fields::{Fields, Range::NotNegative, Range::Unit};
 use super::schema::AlphaMode;
 use crate::error::Result;
-use crate::io::description::{
-    Alpha, Colour, ImageSource, MaterialDescription, OwnBsdf, TextureUse,
-};
+use crate::io::description::{Alpha, Color, ImageSource, MaterialDescription, OwnBsdf, TextureUse};
 use crate::scene::Wrap;
 
 /// A material, and the coordinates of its textures.
@@ -83,7 +81,7 @@ fn material(document: &Document, index: usize) -> Result<Material> {
     let name = json.get("name")?;
     let mut description = MaterialDescription {
         name: name.unwrap_or_else(|| format!("material {index}")),
-        base_colour: Colour::times([r, g, b], texture),
+        base_color: Color::times([r, g, b], texture),
         alpha: match json.get("alphaMode")?.unwrap_or_default() {
             AlphaMode::Opaque => Alpha::Opaque,
             AlphaMode::Mask => {
@@ -100,7 +98,7 @@ fn material(document: &Document, index: usize) -> Result<Material> {
         ..MaterialDescription::default()
     };
     let texture = textures.of(&json, "emissiveTexture")?;
-    description.emission = Colour::times(emission.map(|v| v * strength), texture);
+    description.emission = Color::times(emission.map(|v| v * strength), texture);
     if texture.is_some() {
         // If the texture cannot be read, the surface must not emit everywhere.
         description.emission.plain = [0.0; 3];
@@ -132,8 +130,8 @@ fn extend(description: &mut MaterialDescription, json: &Fields) -> Result<()> {
         json.document.skip("attenuation of volumes");
     }
     description.specular = number("specular.specularFactor", 1.0, Unit)?;
-    let colour = json.get::<[f32; 3]>(&at("specular.specularColorFactor"))?;
-    if colour.is_some_and(|c| c != [1.0; 3])
+    let color = json.get::<[f32; 3]>(&at("specular.specularColorFactor"))?;
+    if color.is_some_and(|c| c != [1.0; 3])
         || has("specular.specularTexture")?
         || has("specular.specularColorTexture")?
     {
@@ -159,7 +157,7 @@ fn extras(
         let albedo = json.three("phong.specularFactor", [0.0; 3], Unit)?;
         let texture = textures.of(&json, "phong.specularTexture")?;
         description.own = Some(OwnBsdf::Phong {
-            albedo: Colour::times(albedo, texture),
+            albedo: Color::times(albedo, texture),
             shininess: json.number("phong.shininess", 1.0, NotNegative)?,
         });
     } else if !json.value("conductor")?.is_null() {

@@ -81,7 +81,7 @@ pub(super) fn mesh(
         at: HashMap::new(),
         normals: any("NORMAL"),
         uvs: any("TEXCOORD_"),
-        colours: any("COLOR_0"),
+        colors: any("COLOR_0"),
     };
     for (i, primitive) in json.primitives.iter().enumerate() {
         let place = format!("meshes[{index}].primitives[{i}]");
@@ -98,7 +98,7 @@ struct Builder<'a> {
     /// Attributes that any primitive has. Primitives without them get default values.
     normals: bool,
     uvs: bool,
-    colours: bool,
+    colors: bool,
 }
 
 /// The arrays that a primitive refers to.
@@ -107,7 +107,7 @@ struct Arrays {
     indices: Option<Accessor>,
     normals: Option<Accessor>,
     uvs: Option<(Accessor, Option<Coordinates>)>,
-    colours: Option<Accessor>,
+    colors: Option<Accessor>,
     tangents: Option<Accessor>,
 }
 
@@ -117,7 +117,7 @@ struct Rows {
     place: u32,
     normal: u32,
     uv: u32,
-    colour: u32,
+    color: u32,
     tangent: u32,
 }
 
@@ -245,7 +245,7 @@ impl<'a> Builder<'a> {
             tangents: tangents.filter(|_| normals.is_some()),
             normals,
             uvs: uvs.map(|uvs| (uvs, coordinates)),
-            colours: attribute("COLOR_0", &[3, 4])?,
+            colors: attribute("COLOR_0", &[3, 4])?,
             indices,
             positions,
         })
@@ -266,7 +266,7 @@ impl<'a> Builder<'a> {
             let [u, v] = uvs.row(index);
             coordinates.map_or([u, 1.0 - v], |c| c.apply([u, v]))
         });
-        let colour = arrays.colours.as_ref().map(|c| c.row(index));
+        let color = arrays.colors.as_ref().map(|c| c.row(index));
         let tangent = arrays.tangents.as_ref().map(|t| {
             let [x, y, z, w] = t.row(index);
             [x, y, z, if w < 0.0 { -1.0 } else { 1.0 }]
@@ -281,8 +281,8 @@ impl<'a> Builder<'a> {
             } else {
                 0
             },
-            colour: if self.colours {
-                mesh.colours.push(colour.unwrap_or([1.0; 3]))
+            color: if self.colors {
+                mesh.colors.push(color.unwrap_or([1.0; 3]))
             } else {
                 0
             },
@@ -296,8 +296,8 @@ impl<'a> Builder<'a> {
         if self.uvs {
             mesh.uvs.faces.push(corners.map(|c| c.uv));
         }
-        if self.colours {
-            mesh.colours.faces.push(corners.map(|c| c.colour));
+        if self.colors {
+            mesh.colors.faces.push(corners.map(|c| c.color));
         }
         // If any primitive has no tangents, the tangents of the whole mesh are computed instead.
         if arrays.tangents.is_some() {

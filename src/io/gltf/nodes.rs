@@ -258,8 +258,8 @@ impl Walk<'_> {
     /// count as units of the scene: candela as radiant intensity, lux as irradiance.
     fn light(&self, json: &Fields, to: DAffine3) -> Result<Light> {
         let strength = json.number("intensity", 1.0, Range::NotNegative)?;
-        let colour = json.three("color", [1.0; 3], Range::NotNegative)?;
-        let intensity = colour.map(|v| v * strength);
+        let color = json.three("color", [1.0; 3], Range::NotNegative)?;
+        let intensity = color.map(|v| v * strength);
         if json.get::<f32>("range")?.is_some() {
             self.document.skip("range of lights");
         }

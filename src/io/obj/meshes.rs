@@ -38,17 +38,17 @@ impl Reader<'_> {
         let rows = [&all.positions, &all.texcoords, &all.normals].map(|rows| rows.len());
         let most = rows.into_iter().max().unwrap_or(0);
         let mut numbers = Numbers(vec![u32::MAX; most.max(self.materials.all.len())]);
-        let colours = colours(&all.vertex_color);
+        let colors = colors(&all.vertex_color);
         for mesh in &mut meshes {
             let vertices = numbers.renumber(mesh.faces.as_flattened_mut());
             mesh.positions = vertices.iter().map(|&v| row(&all.positions, v)).collect();
             numbers.take(&mut mesh.uvs, &all.texcoords);
             numbers.take(&mut mesh.normals, &all.normals);
-            let of_vertices = vertices.iter().filter_map(|&v| colours.get(v as usize));
+            let of_vertices = vertices.iter().filter_map(|&v| colors.get(v as usize));
             let of_vertices: Vec<[f64; 3]> = of_vertices.copied().collect();
             // Colors that are all white change nothing.
             if of_vertices.iter().any(|c| *c != [1.0; 3]) {
-                mesh.colours = Corners {
+                mesh.colors = Corners {
                     values: of_vertices,
                     faces: mesh.faces.clone(),
                 };
@@ -62,7 +62,7 @@ impl Reader<'_> {
 
 /// Returns the linear colors of vertices; vertices without a color are white. Colors of files are sRGB, as exporters
 /// write them. If any number is above 1, they are bytes.
-fn colours(flat: &[f64]) -> Vec<[f64; 3]> {
+fn colors(flat: &[f64]) -> Vec<[f64; 3]> {
     let one = match flat.iter().any(|&v| v > 1.0) {
         true => 255.0,
         false => 1.0,

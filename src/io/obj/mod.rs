@@ -58,10 +58,10 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
         materials,
         mut library,
         mut memory,
-        coloured,
+        colored,
         ..
     } = reader;
-    let plain = if coloured { [1.0; 3] } else { [0.5; 3] };
+    let plain = if colored { [1.0; 3] } else { [0.5; 3] };
     for mesh in &mut meshes {
         let textured = mesh.uvs.faces.len() == mesh.faces.len();
         for material in mesh.materials.iter_mut().flatten() {
@@ -126,7 +126,7 @@ struct Reader<'a> {
     counts: [u64; 3],
     totals: [u64; 3],
     /// Whether any vertex has a color.
-    coloured: bool,
+    colored: bool,
     triangles: u64,
     faces: Vec<Face>,
     /// Names of objects and materials with faces. Faces without a material have the empty name.
@@ -143,12 +143,12 @@ struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     fn new(path: &'a Path, text: &str, limits: &'a LoadLimits, notes: &'a Notes) -> Self {
-        let (mut totals, mut coloured) = ([0; 3], false);
+        let (mut totals, mut colored) = ([0; 3], false);
         for line in text.lines() {
             let (keyword, rest) = keyword(line);
             if let Some(kind) = ["v", "vt", "vn"].iter().position(|k| *k == keyword) {
                 totals[kind] += 1;
-                coloured |= kind == 0 && words(rest).len() >= 6;
+                colored |= kind == 0 && words(rest).len() >= 6;
             }
         }
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -160,7 +160,7 @@ impl<'a> Reader<'a> {
             text: String::new(),
             counts: [0; 3],
             totals,
-            coloured,
+            colored,
             triangles: 0,
             faces: Vec::new(),
             objects: Names::default(),
@@ -224,7 +224,7 @@ impl<'a> Reader<'a> {
         let place = if words.len() > 4 { &words[..3] } else { words };
         let place = format!("v {}", place.join(" "));
         match numbers[..] {
-            _ if !self.coloured => place,
+            _ if !self.colored => place,
             [_, _, _, _, _, _, ..] => format!("v {}", words[..6].join(" ")),
             [x, y, z, w] if w != 0.0 => format!("v {} {} {} nan nan nan", x / w, y / w, z / w),
             _ if matches!(words.len(), 0..=2 | 4) => place,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use crate::error::{Error, Result};
-use crate::io::description::{Colour, ImageSource, MaterialDescription, OwnBsdf, TextureUse};
+use crate::io::description::{Color, ImageSource, MaterialDescription, OwnBsdf, TextureUse};
 use crate::io::limits::{LoadLimits, read_text};
 use crate::io::notes::Notes;
 use crate::scene::Wrap;
@@ -16,10 +16,10 @@ const UNREAD: [&str; 20] = [
     "map_Bump", "map_bump", "bump", "disp", "norm", "map_Pr", "map_Pm", "refl",
 ];
 
-const UNKNOWN: &str = "no file defines these materials, which are grey";
+const UNKNOWN: &str = "no file defines these materials, which are gray";
 const CLAMPED: &str = "Kd or Ks of these materials is outside of [0, 1] and limited to it";
 const UNTEXTURED: &str = "these materials have a texture on objects without coordinates at all corners, where their \
-                          colour counts";
+                          color counts";
 
 /// The materials from the MTL files of an OBJ file.
 pub(super) struct Library<'a> {
@@ -143,14 +143,14 @@ impl<'a> Library<'a> {
         // For a material without highlights or with an exponent of 0, exporters write a Ks that has no meaning.
         let shines = material.illumination_model.is_none_or(|model| model >= 2)
             && material.shininess.is_none_or(|n| n > 0.0);
-        let times = |factor: Option<[f64; 3]>, texture: Option<TextureUse>| Colour {
+        let times = |factor: Option<[f64; 3]>, texture: Option<TextureUse>| Color {
             plain: factor.unwrap_or([0.0; 3]),
             texture: texture.map(|texture| (texture, factor.unwrap_or([1.0; 3]))),
         };
         let gloss = times(ks, map_ks?);
         self.described.push(MaterialDescription {
             name: if name.is_empty() { "default" } else { name }.into(),
-            base_colour: Colour {
+            base_color: Color {
                 plain: kd.unwrap_or(plain),
                 texture: map_kd?.map(|texture| (texture, [1.0; 3])),
             },
@@ -167,9 +167,9 @@ impl<'a> Library<'a> {
     }
 
     /// Clamps a color to [0, 1], with a warning.
-    fn share(&self, colour: Option<[f64; 3]>, name: &str) -> Option<[f64; 3]> {
-        let limited = colour.map(|c| c.map(|v| v.clamp(0.0, 1.0)));
-        if limited != colour {
+    fn share(&self, color: Option<[f64; 3]>, name: &str) -> Option<[f64; 3]> {
+        let limited = color.map(|c| c.map(|v| v.clamp(0.0, 1.0)));
+        if limited != color {
             self.notes.add(CLAMPED, name);
         }
         limited
@@ -314,7 +314,7 @@ mod tests {
         let image = |name: &&str| {
             let number = library.describe(name, true, [0.5; 3]);
             let material = &library.described[number.expect("a material")];
-            material.base_colour.texture.expect("a texture").0.image
+            material.base_color.texture.expect("a texture").0.image
         };
         assert_eq!(files.each_ref().map(image), [0, 0, 1]);
         assert_eq!(library.images.len(), 2);

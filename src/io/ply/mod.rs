@@ -10,7 +10,7 @@ use glam::{DAffine3, DVec3};
 
 use super::LoadLimits;
 use super::description::{
-    Colour, Corners, Description, ImageSource, MaterialDescription, MeshDescription,
+    Color, Corners, Description, ImageSource, MaterialDescription, MeshDescription,
     ObjectDescription, TextureUse,
 };
 use super::limits::read_bytes;
@@ -42,7 +42,7 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
         mesh: MeshDescription::default(),
         uvs: Vec::new(),
         normals: Vec::new(),
-        colours: Vec::new(),
+        colors: Vec::new(),
     };
     for element in &header.elements {
         // Checked before anything is allocated for the element.
@@ -72,7 +72,7 @@ struct Reader<'a> {
     /// Attributes per vertex; empty if the file has none.
     uvs: Vec<[f64; 2]>,
     normals: Vec<[f64; 3]>,
-    colours: Vec<[f64; 3]>,
+    colors: Vec<[f64; 3]>,
 }
 
 impl Reader<'_> {
@@ -122,7 +122,7 @@ impl Reader<'_> {
             return Err(self.fail("element vertex", "it has no properties x, y and z"));
         };
         let normal = all([&["nx"], &["ny"], &["nz"]]);
-        let colour = all([
+        let color = all([
             &["red", "diffuse_red", "r"],
             &["green", "diffuse_green", "g"],
             &["blue", "diffuse_blue", "b"],
@@ -140,7 +140,7 @@ impl Reader<'_> {
             if let (Some(u), Some(v)) = (u, v) {
                 self.uvs.push([at(u), at(v)]);
             }
-            if let Some(colour) = colour {
+            if let Some(color) = color {
                 // Unsigned integers of 8 and 16 bits are sRGB, other numbers are linear.
                 let linear = |i: usize| match element.properties[i].kind {
                     kind @ (Kind::U8 | Kind::U16) => {
@@ -148,7 +148,7 @@ impl Reader<'_> {
                     }
                     _ => at(i),
                 };
-                self.colours.push(colour.map(linear));
+                self.colors.push(color.map(linear));
             }
         }
         Ok(())
@@ -216,7 +216,7 @@ impl Reader<'_> {
             mesh.uvs = of_vertices(self.uvs, faces);
         }
         mesh.normals = of_vertices(self.normals, faces);
-        mesh.colours = of_vertices(self.colours, faces);
+        mesh.colors = of_vertices(self.colors, faces);
         let mut description = Description::default();
         mesh.materials = vec![None];
         if let [name, more @ ..] = header.textures.as_slice()
@@ -234,10 +234,10 @@ impl Reader<'_> {
             };
             description.materials.push(MaterialDescription {
                 name: name.clone(),
-                base_colour: Colour::times([1.0; 3], Some(texture)),
+                base_color: Color::times([1.0; 3], Some(texture)),
                 ..MaterialDescription::diffuse()
             });
-        } else if !mesh.colours.faces.is_empty() {
+        } else if !mesh.colors.faces.is_empty() {
             mesh.materials = vec![Some(0)];
             description.materials.push(MaterialDescription::diffuse());
         }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::kernel::edges::{Edge, Kind};
 use crate::kernel::view::View;
 use crate::kernel::walk::Seen;
-use crate::model::film::{CELL, NEIGHBOURS};
+use crate::model::film::{CELL, NEIGHBORS};
 use crate::model::integers::morton;
 use crate::model::segment::clip_linear;
 
@@ -276,7 +276,7 @@ impl PixelGradients {
         let cells = cells
             .iter()
             .zip(&own)
-            .map(|(a, b)| NEIGHBOURS * a + b)
+            .map(|(a, b)| NEIGHBORS * a + b)
             .collect();
         Self {
             values: list.iter().map(|p| p.1).collect(),

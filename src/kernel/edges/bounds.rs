@@ -104,7 +104,7 @@ impl Bounds {
         // The margin is for rounding.
         let cos = self.angle.min(std::f32::consts::PI).cos() - 1e-5;
         Subtree {
-            centre: (self.low + self.high) * 0.5,
+            center: (self.low + self.high) * 0.5,
             radius: (self.high - self.low).length() * 0.5 * (1.0 + 1e-5),
             axis: direction(self.normals),
             cos,

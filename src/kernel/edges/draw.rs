@@ -86,7 +86,7 @@ fn jumps_of(block: &[f32], k: usize, branch: usize) -> Jumps {
 #[inline(always)]
 fn subtree(block: &[f32], branch: usize) -> Subtree {
     Subtree {
-        centre: vector(block, 0, branch),
+        center: vector(block, 0, branch),
         radius: number(block, 3, branch),
         axis: vector(block, 4, branch),
         cos: number(block, 7, branch),
@@ -97,7 +97,7 @@ fn subtree(block: &[f32], branch: usize) -> Subtree {
 
 impl Subtree {
     pub(super) fn numbers(&self) -> [f32; NODE] {
-        let ([x, y, z], [u, v, w]) = (self.centre.to_array(), self.axis.to_array());
+        let ([x, y, z], [u, v, w]) = (self.center.to_array(), self.axis.to_array());
         let [a, b, c, d, e] = self.jumps.numbers();
         let (radius, cos, sin) = (self.radius, self.cos, self.sin);
         [x, y, z, radius, u, v, w, cos, sin, a, b, c, d, e]

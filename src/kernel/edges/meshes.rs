@@ -237,8 +237,8 @@ fn crease(
                 return 1.0;
             }
         }
-        let colours = [(k, c), (k2, c2)].map(|(k, c)| lists.colours.at(k, c).unwrap_or([1.0; 3]));
-        jump = jump.max(distance(&colours[0], &colours[1]) / CREASE);
+        let colors = [(k, c), (k2, c2)].map(|(k, c)| lists.colors.at(k, c).unwrap_or([1.0; 3]));
+        jump = jump.max(distance(&colors[0], &colors[1]) / CREASE);
         if material.normal_map.is_some() {
             let tangents = [(k, c), (k2, c2)].map(|(k, c)| lists.tangents.at(k, c));
             let [p, q] = tangents.map(Option::unwrap_or_default);

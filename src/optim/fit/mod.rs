@@ -233,15 +233,15 @@ impl<M: Module> Fit<M> {
     /// # use softray::optim::{Evaluation, Fit, Step};
     /// # use softray::prelude::*;
     /// # #[derive(Module, Debug)]
-    /// # struct Colour { albedo: Param<Tensor<1>> }
-    /// # fn see(_: &Colour, _: &Step) -> softray::Result<Tensor<3>> { unimplemented!() }
+    /// # struct Color { albedo: Param<Tensor<1>> }
+    /// # fn see(_: &Color, _: &Step) -> softray::Result<Tensor<3>> { unimplemented!() }
     /// # fn main() -> softray::Result<()> {
     /// # let device = Device::flex();
-    /// # let module = Colour { albedo: Param::from_tensor(Tensor::zeros([3], &device.clone().autodiff())) };
+    /// # let module = Color { albedo: Param::from_tensor(Tensor::zeros([3], &device.clone().autodiff())) };
     /// let target: Tensor<3> = HostImage::read("photo.png")?.into_tensor(&device);
     /// let fitted = Fit::new(module, AdamConfig::new().init(), 200)
     ///     .pictures("out/pictures", 20)
-    ///     .run(|module: &Colour, step: &_| {
+    ///     .run(|module: &Color, step: &_| {
     ///         let image = see(module, step)?;
     ///         let loss = softray::loss::l1(image.clone(), target.clone());
     ///         Ok(Evaluation::new(loss)

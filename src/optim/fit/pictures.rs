@@ -63,7 +63,7 @@ fn figure(evaluation: &Evaluation, row: &Row) -> Result<Figure> {
             let target = HostImage::from_tensor(target)?;
             let difference = Panel::difference(format!("{name} − target"), &image, &target)?;
             panels.push(Panel::new("target", &target));
-            panels.push(difference.colours(scale(&target)));
+            panels.push(difference.colors(scale(&target)));
         }
         figure = figure.row(panels);
     }

@@ -32,7 +32,7 @@ const OBJECT: &str = "blur schedule";
 /// let angle = BlurSchedule::decay(1e-1, 1e-3, 100)?.hold(20);
 /// for step in 0..150 {
 ///     let options = RenderOptions::new(32, 32).blur(angle.at(step)).seed(step as u64);
-///     // render, step of the optimiser …
+///     // render, step of the optimizer …
 ///     # let _ = options;
 /// }
 /// assert_eq!(angle.at(0), 1e-1);

@@ -26,7 +26,7 @@ pub(crate) const TOLERANCE: f64 = 0.02;
 /// use softray::optim::PlateauBlur;
 /// let mut blur = PlateauBlur::new(1e-1, 1e-3, 0.1, 5)?;
 /// for step in 0..50 {
-///     // render with blur.value(), step of the optimiser …
+///     // render with blur.value(), step of the optimizer …
 ///     let loss = if step < 20 { 1.0 / f64::from(step + 1) } else { 0.05 };
 ///     blur.observe(loss);
 /// }

@@ -73,7 +73,7 @@ fn render_view(
         // The same as in the kernels.
         let frame = SceneFrame::new(&host);
         Normalization {
-            center: frame.centre.into(),
+            center: frame.center.into(),
             radius: frame.unit,
         }
     } else {

@@ -28,7 +28,7 @@ impl Sphere {
         let power: f32 = items.iter().map(|i| i.power).sum();
         let axis = |i: &Item| (!i.all_round).then_some(i.axis);
         Self {
-            centre: (low + high) * 0.5,
+            center: (low + high) * 0.5,
             radius: (high - low).length() * (0.5 * (1.0 + 1e-5)),
             axes: Axes::new(items.iter().map(|i| (axis(i), i.power / power))),
             power,

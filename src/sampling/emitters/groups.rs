@@ -7,7 +7,7 @@ use crate::model::V3;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct EmitterGroup {
     pub members: Vec<u32>,
-    pub centre: V3,
+    pub center: V3,
     pub radius: f32,
     /// The velocity of all members.
     pub velocity: V3,
@@ -28,7 +28,7 @@ pub(super) fn group(list: &[Emitter]) -> Vec<EmitterGroup> {
             }
             _ => groups.push(EmitterGroup {
                 members: vec![k as u32],
-                centre: V3::ZERO,
+                center: V3::ZERO,
                 radius: 0.0,
                 velocity: e.velocity,
             }),
@@ -42,9 +42,9 @@ pub(super) fn group(list: &[Emitter]) -> Vec<EmitterGroup> {
             low = low.min(c);
             high = high.max(c);
         }
-        let centre = (low + high) * 0.5;
-        let radius = corners().map(|c| (c - centre).length()).fold(0.0, f32::max);
-        g.centre = centre;
+        let center = (low + high) * 0.5;
+        let radius = corners().map(|c| (c - center).length()).fold(0.0, f32::max);
+        g.center = center;
         g.radius = radius * (1.0 + 1e-5);
     }
     groups

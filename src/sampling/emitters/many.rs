@@ -79,7 +79,7 @@ impl ManyEmitters {
             }
             groups.push(EmitterGroup {
                 members: items.iter().map(|i| i.emitter).collect(),
-                centre: sphere.centre,
+                center: sphere.center,
                 radius: sphere.radius,
                 ..EmitterGroup::default()
             });

@@ -53,7 +53,7 @@ pub(super) const IS_LEAF: usize = 10;
 #[inline(always)]
 fn sphere(block: &[f32], branch: usize) -> Sphere {
     Sphere {
-        centre: vector(block, 0, branch),
+        center: vector(block, 0, branch),
         radius: number(block, 3, branch),
         axes: Axes {
             mean: vector(block, 4, branch),
@@ -67,7 +67,7 @@ fn sphere(block: &[f32], branch: usize) -> Sphere {
 impl Sphere {
     pub(super) fn numbers(&self) -> [f32; BRANCH] {
         let mut all = [self.radius; BRANCH];
-        all[..3].copy_from_slice(&self.centre.to_array());
+        all[..3].copy_from_slice(&self.center.to_array());
         all[4..13].copy_from_slice(&self.axes.numbers());
         all[13] = self.power;
         all

@@ -65,7 +65,7 @@ impl Candidates {
     fn of_ray(&self, arch: Arch, form: &Form, ray: &HostRay) -> Option<List> {
         let Topology {
             object,
-            neighbours,
+            neighbors,
             visible_side,
             ..
         } = &form.scene.topology;
@@ -79,7 +79,7 @@ impl Candidates {
             let uncertain = turns || cosine.abs() < 1e-4;
             if ends.contains(&Some(k)) || (side < 0.0 && !uncertain) {
                 Counts::Not
-            } else if uncertain || ends.iter().flatten().any(|&e| neighbours.are(e, k)) {
+            } else if uncertain || ends.iter().flatten().any(|&e| neighbors.are(e, k)) {
                 Counts::Perhaps
             } else {
                 Counts::Fully

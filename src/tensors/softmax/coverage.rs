@@ -246,7 +246,7 @@ fn end_masks(context: &Context, topology: &Topology, pairs: &Pairs, rays: &Rays)
             if let Some(row) = pairs.row_of(i, k) {
                 excluded[row * n + i] = true;
             }
-            pairs.rows_beside(i, k, &topology.neighbours, |row| {
+            pairs.rows_beside(i, k, &topology.neighbors, |row| {
                 softened[row * n + i] = true
             });
         }

@@ -2,7 +2,7 @@
 
 use burn::tensor::{Bool, Int, Tensor, TensorData};
 
-use crate::geometry::{Context, Neighbours, Vec3, gather_row};
+use crate::geometry::{Context, Neighbors, Vec3, gather_row};
 use crate::tensors::rays::NO_TRIANGLE;
 
 /// The triangles that may matter to a ray.
@@ -144,17 +144,16 @@ impl Pairs {
         &self,
         ray: usize,
         triangle: u32,
-        neighbours: &Neighbours,
+        neighbors: &Neighbors,
         mut f: impl FnMut(usize),
     ) {
         match &self.own {
             Some(own) => {
                 let of = |row: usize| own.triangle[row * own.rays + ray];
-                let is =
-                    |row: &usize| of(*row) != NO_TRIANGLE && neighbours.are(of(*row), triangle);
+                let is = |row: &usize| of(*row) != NO_TRIANGLE && neighbors.are(of(*row), triangle);
                 (0..self.rows).filter(is).for_each(f);
             }
-            None => neighbours.of(triangle).for_each(|k| f(k as usize)),
+            None => neighbors.of(triangle).for_each(|k| f(k as usize)),
         }
     }
 }

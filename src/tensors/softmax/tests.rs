@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::{
     Coverage, CoverageSettings, Pairs, Softmax, Weights, coverage, transmittance, weights,
 };
-use crate::geometry::{Context, Neighbours, Topology, Triangles, Vec3, VertexData, host_values};
+use crate::geometry::{Context, Neighbors, Topology, Triangles, Vec3, VertexData, host_values};
 use crate::tensors::rays::Rays;
 
 struct Case {
@@ -100,7 +100,7 @@ fn build(case: &Case, device: &Device, dtype: DType) -> Built {
         object: flat(&case.json["mesh"]).iter().map(|&m| m as u32).collect(),
         material: vec![0; case.triangles],
         closed: vec![false; case.triangles],
-        neighbours: Neighbours::none(case.triangles),
+        neighbors: Neighbors::none(case.triangles),
         visible_side: vec![0.0; case.triangles],
     };
     let rays = Rays {

@@ -71,10 +71,10 @@ pub fn cases() -> Vec<Case> {
         })),
         shift(case("principal point", 6.2, 0.1, 0, |d, t, p| {
             let mut c = camera();
-            let centre = vector(p, [1.0, 0.9, 0.0], d, t).slice([0..2]);
+            let center = vector(p, [1.0, 0.9, 0.0], d, t).slice([0..2]);
             c.projection = Projection::Intrinsics {
                 focal: [17.0, 18.0].into(),
-                principal: centre.into(),
+                principal: center.into(),
                 size: [12, 12],
             };
             (with_lamp(d, t), c)

@@ -1,4 +1,4 @@
-//! Cases of colours at corners and of normal maps.
+//! Cases of colors at corners and of normal maps.
 
 use burn::tensor::{DType, Device, Tensor};
 use softray::prelude::*;
@@ -6,9 +6,9 @@ use softray::prelude::*;
 use super::{Case, camera, case, change, constant, shift};
 use crate::common::materials::base;
 
-/// The scene with colours at the corners of the floor and the ball; those of one corner and vertex are a number.
-fn coloured(p: Tensor<1>, device: &Device, dtype: DType) -> Scene {
-    let colours = |m: Mesh, rows: usize| {
+/// The scene with colors at the corners of the floor and the ball; those of one corner and vertex are a number.
+fn colored(p: Tensor<1>, device: &Device, dtype: DType) -> Scene {
+    let colors = |m: Mesh, rows: usize| {
         let base = (0..3 * rows).map(|i| 0.3 + 0.1 * (i % 5) as f64);
         let base = constant(&base.collect::<Vec<_>>(), [rows, 3], device, dtype);
         let one: Vec<f64> = (0..3 * rows)
@@ -16,10 +16,10 @@ fn coloured(p: Tensor<1>, device: &Device, dtype: DType) -> Scene {
             .collect();
         let one = constant(&one, [rows, 3], device, dtype);
         let faces = m.faces.clone();
-        m.with_colours(base + one * p.clone().reshape([1, 1]), faces)
+        m.with_colors(base + one * p.clone().reshape([1, 1]), faces)
     };
-    change("floor", |o| o.map_mesh(|m| colours(m, 4)), device, dtype)
-        .map_object("ball", |o| o.map_mesh(|m| colours(m, 12)))
+    change("floor", |o| o.map_mesh(|m| colors(m, 4)), device, dtype)
+        .map_object("ball", |o| o.map_mesh(|m| colors(m, 12)))
         .expect("a ball")
 }
 
@@ -51,11 +51,11 @@ fn shiny(scene: Scene) -> Scene {
     scene.environment([0.1; 3])
 }
 
-/// Numbers of colours, and of what normal maps are made of.
+/// Numbers of colors, and of what normal maps are made of.
 pub fn cases() -> Vec<Case> {
     vec![
-        case("vertex colour", 0.5, 0.05, 1, |d, t, p| {
-            (coloured(p, d, t), camera())
+        case("vertex color", 0.5, 0.05, 1, |d, t, p| {
+            (colored(p, d, t), camera())
         }),
         shift(case("normal map", 0.3, 0.03, 1, |d, t, p| {
             let one = constant(&[1.0, 0.2, 0.0, 0.8, 0.3, -0.2].repeat(2), [2, 2, 3], d, t);

@@ -183,7 +183,7 @@ fn geometry() -> Named {
         ("a tiny ball", extra(ball([-0.2, 0.5, 0.5], 1e-7))),
         ("a huge ball around", extra(ball([0.0; 3], 1e5))),
         (
-            "neighbours of very different size",
+            "neighbors of very different size",
             extra(Thing::new(
                 "extra",
                 vec![

@@ -23,7 +23,7 @@ def quad(a, b, c, d):
     return np.array([a, b, c, d], float), [(0, 1, 2), (0, 2, 3)]
 
 
-def icosphere(subdivisions, radius, centre):
+def icosphere(subdivisions, radius, center):
     t = (1 + math.sqrt(5)) / 2
     v = [(-1, t, 0), (1, t, 0), (-1, -t, 0), (1, -t, 0), (0, -1, t), (0, 1, t), (0, -1, -t), (0, 1, -t),
          (t, 0, -1), (t, 0, 1), (-t, 0, -1), (-t, 0, 1)]
@@ -46,7 +46,7 @@ def icosphere(subdivisions, radius, centre):
             x, y, z = middle(a, b), middle(b, c), middle(c, a)
             faces += [(a, x, z), (b, y, x), (c, z, y), (x, y, z)]
         f = faces
-    return np.array(v) * radius + np.array(centre), f
+    return np.array(v) * radius + np.array(center), f
 
 
 PARTS = {
@@ -60,8 +60,8 @@ DIFFUSE = {"floor": [0.5, 0.4, 0.3], "wall": [0.3, 0.45, 0.5], "lamp": [0, 0, 0]
 
 def write_obj():
     with open(f"{HERE}/scene.mtl", "w") as out:
-        for name, colour in DIFFUSE.items():
-            out.write("newmtl %s\nKd %g %g %g\n" % (name, *colour))
+        for name, color in DIFFUSE.items():
+            out.write("newmtl %s\nKd %g %g %g\n" % (name, *color))
             if name == "lamp":
                 out.write("Ke %g %g %g\n" % tuple(LAMP))
     with open(f"{HERE}/scene.obj", "w") as out:

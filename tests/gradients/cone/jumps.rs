@@ -133,7 +133,7 @@ fn map(point: &Point) -> Environment {
     Environment::map(tensor(&texels, [8, 16, 3], &point.device, point.dtype))
 }
 
-/// A rectangle of a texture in one of its triangles and a colour in the other.
+/// A rectangle of a texture in one of its triangles and a color in the other.
 fn seam(quad: Mesh, point: &Point) -> Object {
     let texels = [0.8, 0.1, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1, 0.8, 0.7, 0.7, 0.2];
     let texels = tensor(&texels, [2, 2, 3], &point.device, point.dtype);

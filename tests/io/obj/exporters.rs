@@ -12,7 +12,7 @@ use softray::prelude::*;
 fn what_is_not_there_is_left_out() {
     let folder = Folder::new("missing");
     let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
-    let grey = constant(base(&Material::default()));
+    let gray = constant(base(&Material::default()));
     let first = |text: &str| {
         assert!(strict(&folder, text).is_err(), "{text}");
         let scene = folder.load(text).expect("a scene");
@@ -26,7 +26,7 @@ fn what_is_not_there_is_left_out() {
     ));
     assert_eq!(
         (material.name.as_str(), constant(base(&material))),
-        ("a", grey)
+        ("a", gray)
     );
 
     folder.write("text.png", "no image");
@@ -34,7 +34,7 @@ fn what_is_not_there_is_left_out() {
     for (mtl, expected) in [
         ("newmtl m\nKd 1 0 0\nmap_Kd none.png\n", [1.0, 0.0, 0.0]),
         ("newmtl m\nKd 0 1 0\nmap_Kd text.png\n", [0.0, 1.0, 0.0]),
-        ("newmtl m\nmap_Kd none.png\n", grey),
+        ("newmtl m\nmap_Kd none.png\n", gray),
         ("newmtl m\nKd 0 0 1\nKd 0.1 0.2\n", [0.0, 0.0, 1.0]),
         ("newmtl m\nKd 0 0 1\nNs much\nmap_Kd\n", [0.0, 0.0, 1.0]),
         ("newmtl m\nKd 0 0 1\nnewmtl\nKd 1 1 1\n", [0.0, 0.0, 1.0]),
@@ -61,7 +61,7 @@ fn what_is_not_there_is_left_out() {
 
 /// Of `Kd` and `Ks` together no more light comes than arrives; without a highlight `Ks` counts for nothing.
 #[test]
-fn gloss_beside_a_colour() {
+fn gloss_beside_a_color() {
     let folder = Folder::new("energy");
     let mut image = image::RgbImage::new(2, 1);
     image.put_pixel(0, 0, image::Rgb([188, 188, 188]));
@@ -134,15 +134,15 @@ fn textures_with_gloss_keep_energy() {
 }
 
 #[test]
-fn colours_of_vertices() {
-    let folder = Folder::new("colours");
+fn colors_of_vertices() {
+    let folder = Folder::new("colors");
     let text = "o a\nv 0 0 0 1 0 0\nv 1 0 0 0 0.5 1\nv 0 1 0\nf 1 2 3\no b\nv 0 0 1\nf 1 2 4\n\
                 o white\nv 1 1 1 1 1 1\nv 2 2 2\nf 3 5 6\n";
     let scene = folder.load(text).expect("a scene");
-    let colours = |object: &Object| -> Option<Vec<f64>> {
-        let colours = object.mesh.colours.as_ref()?;
-        assert_eq!(colours.faces, object.mesh.faces);
-        Some(colours.values.to_data().iter::<f64>().collect())
+    let colors = |object: &Object| -> Option<Vec<f64>> {
+        let colors = object.mesh.colors.as_ref()?;
+        assert_eq!(colors.faces, object.mesh.faces);
+        Some(colors.values.to_data().iter::<f64>().collect())
     };
     let half = 0.214_041_14;
     for (object, expected) in scene.objects.iter().zip([
@@ -150,21 +150,21 @@ fn colours_of_vertices() {
         Some([1.0, 0.0, 0.0, 0.0, half, 1.0, 1.0, 1.0, 1.0]),
         None,
     ]) {
-        let found = colours(object);
+        let found = colors(object);
         let near = |(f, e): (&f64, &f64)| (f - e).abs() < 1e-6;
         match (&found, &expected) {
             (Some(f), Some(e)) => assert!(f.iter().zip(e).all(near), "{f:?}"),
             _ => assert_eq!(found.is_some(), expected.is_some(), "{}", object.name),
         }
-        // What has no material shows the colours as they are.
+        // What has no material shows the colors as they are.
         assert_eq!(constant(base(&object.materials[0])), [1.0; 3]);
     }
     assert_eq!(vertices(&scene.objects[0])[1], [1.0, 0.0, 0.0]);
 
-    // Bytes, values that are no colours, and w among them.
+    // Bytes, values that are no colors, and w among them.
     let text = "v 0 0 0 255 0 0\nv 1 0 0 0 nan 1\nv 0 2 0 2\nf 1 2 3\n";
     let scene = folder.load(text).expect("a scene");
-    let found = colours(&scene.objects[0]).expect("colours");
+    let found = colors(&scene.objects[0]).expect("colors");
     assert_eq!(found[..5], [1.0, 0.0, 0.0, 0.0, 1.0]);
     assert!(found[5] > 0.0 && found[5] < 1e-3, "{found:?}");
     assert_eq!(found[6..], [1.0; 3]);

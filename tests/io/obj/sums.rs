@@ -48,7 +48,7 @@ fn objects_and_materials_have_a_limit() {
     assert_eq!(load(20).expect("a scene").objects.len(), 4);
 }
 
-/// One image counts for each colour by which it is multiplied, and once for all that take it as it is.
+/// One image counts for each color by which it is multiplied, and once for all that take it as it is.
 #[test]
 fn textures_have_a_limit() {
     let folder = Folder::new("textures");

@@ -5,7 +5,7 @@ use softray::prelude::*;
 
 use crate::common::told::{Told, ball, camera, flex, lit, row, see, small};
 
-/// Constants that no material, light or sky has, and colours of vertices that are not.
+/// Constants that no material, light or sky has, and colors of vertices that are not.
 #[test]
 #[expect(clippy::too_many_lines, reason = "a list of mistakes")]
 fn constants_out_of_their_ranges() {
@@ -85,16 +85,16 @@ fn constants_out_of_their_ranges() {
     });
     let painted = |value: f32, tracked: bool| {
         let corners = ball().mesh.faces.clone();
-        let colours = Tensor::<2>::full([12, 3], value, &flex());
-        let colours = match tracked {
-            true => colours.autodiff().require_grad(),
-            false => colours,
+        let colors = Tensor::<2>::full([12, 3], value, &flex());
+        let colors = match tracked {
+            true => colors.autodiff().require_grad(),
+            false => colors,
         };
-        see(ball().map_mesh(|m| m.with_colours(colours, corners)))
+        see(ball().map_mesh(|m| m.with_colors(colors, corners)))
     };
     told.expect(
-        "negative vertex colours",
-        &["ball", "colours 0", "-0.1", "≥ 0"],
+        "negative vertex colors",
+        &["ball", "colors 0", "-0.1", "≥ 0"],
         || painted(-0.1, false),
     );
     // Those of a fit may wander.

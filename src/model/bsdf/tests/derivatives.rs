@@ -112,10 +112,10 @@ fn derivatives_of_samples() {
             let mut found = ShadingGradient::default();
             s.sample_backward(&drawn, g, by_direction, &mut found);
             // Colors change the probability of the specular lobe, except on a diffuse surface.
-            let colour = |i: usize| (8..11).contains(&i) || i == 12;
+            let color = |i: usize| (8..11).contains(&i) || i == 12;
             let matters = |i: usize| match (s.models.has_others(), s.glossy) {
                 (true, _) => true,
-                (false, true) => !colour(i),
+                (false, true) => !color(i),
                 (false, false) => i < 10,
             };
             compare(&s, &found, value, matters);

@@ -24,21 +24,21 @@ impl Maker<'_> {
         let mut material = match kind {
             0 | 1 => Material::diffuse(self.albedo(&named("albedo"))),
             2 => {
-                let albedo = self.colour(&named("albedo"), 0.1, 0.5);
-                let specular = self.colour(&named("specular"), 0.1, 0.4);
+                let albedo = self.color(&named("albedo"), 0.1, 0.5);
+                let specular = self.color(&named("specular"), 0.1, 0.4);
                 let value = self.between(3.0, 30.0);
                 let shininess = self.number(&named("shininess"), value, 0.05 * value, false);
                 Material::phong(albedo, specular, shininess)
             }
             3 => {
-                let base = self.albedo(&named("base colour"));
+                let base = self.albedo(&named("base color"));
                 let metallic = self.share(&named("metallic"), 0.1, 0.9);
                 let roughness = self.share(&named("roughness"), 0.35, 0.9);
                 Material::metallic_roughness(base, metallic, roughness)
             }
             4 => {
-                let eta = self.colour(&named("eta"), 0.2, 1.5);
-                let extinction = self.colour(&named("extinction"), 1.5, 4.0);
+                let eta = self.color(&named("eta"), 0.2, 1.5);
+                let extinction = self.color(&named("extinction"), 1.5, 4.0);
                 let roughness = self.share(&named("roughness"), 0.35, 0.9);
                 Material::conductor(eta, extinction, roughness)
             }
@@ -63,13 +63,13 @@ impl Maker<'_> {
             material = material.alpha_mask(self.tensor(&alpha, [4, 4]), 0.4);
         }
         if self.unit() < 0.2 {
-            self.description.push("colours of vertices".into());
+            self.description.push("colors of vertices".into());
             let rows = mesh.vertices.dims()[0];
             let base: Vec<f64> = (0..3 * rows).map(|_| self.between(0.4, 0.9)).collect();
-            let p = self.number(&named("colours of vertices"), 1.0, 0.05, false);
-            let colours = self.tensor(&base, [rows, 3]) * p.reshape([1, 1]);
+            let p = self.number(&named("colors of vertices"), 1.0, 0.05, false);
+            let colors = self.tensor(&base, [rows, 3]) * p.reshape([1, 1]);
             let faces = mesh.faces.clone();
-            mesh = mesh.with_colours(colours, faces);
+            mesh = mesh.with_colors(colors, faces);
         }
         if self.unit() < 0.15 {
             self.description.push("it shines".into());
@@ -205,9 +205,9 @@ impl Maker<'_> {
         let body = |maker: &mut Self, name: &str, at: Tensor<1>, radius: f64, cube: bool| {
             let mesh = maker.shape(cube).without_normals().scaled(radius);
             let mesh = mesh.rotated(maker.direction(), maker.between(0.1, 1.4));
-            let colour = if maker.pick(5) == 0 { 0.0 } else { 0.8 };
-            maker.description.push(format!("{name} of {colour}"));
-            let material = Material::diffuse([colour; 3]);
+            let color = if maker.pick(5) == 0 { 0.0 } else { 0.8 };
+            maker.description.push(format!("{name} of {color}"));
+            let material = Material::diffuse([color; 3]);
             Object::new(mesh.translated(at))
                 .named(name)
                 .material(material)

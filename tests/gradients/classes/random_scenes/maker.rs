@@ -79,7 +79,7 @@ impl RandomScene {
         }
     }
 
-    /// Two bodies of one colour or black that pass through each other, in direct light without a cone.
+    /// Two bodies of one color or black that pass through each other, in direct light without a cone.
     pub fn of_crossing_bodies(seed: u64) -> Self {
         let mut maker = Maker::new(seed, None);
         let (scene, camera) = maker.crossing_bodies();
@@ -174,10 +174,10 @@ impl<'a> Maker<'a> {
         self.tensor(&base, [3]) + p * self.tensor(&direction, [3])
     }
 
-    /// A colour that a number scales.
-    pub fn colour(&mut self, name: &str, low: f64, high: f64) -> Tensor<1> {
-        let colour = self.vector(low, high);
-        self.number(name, 1.0, 0.05, false) * self.tensor(&colour, [3])
+    /// A color that a number scales.
+    pub fn color(&mut self, name: &str, low: f64, high: f64) -> Tensor<1> {
+        let color = self.vector(low, high);
+        self.number(name, 1.0, 0.05, false) * self.tensor(&color, [3])
     }
 
     /// Texels `[2, 3, 3]`, some of which depend on a number.
@@ -192,7 +192,7 @@ impl<'a> Maker<'a> {
     pub fn albedo(&mut self, name: &str) -> ColorTexture {
         match self.pick(3) {
             0 => ColorTexture::texture(self.texels(name, 0.15, 0.6)),
-            _ => self.colour(name, 0.2, 0.8).into(),
+            _ => self.color(name, 0.2, 0.8).into(),
         }
     }
 
@@ -210,7 +210,7 @@ impl<'a> Maker<'a> {
     fn lights(&mut self, mut scene: Scene) -> Scene {
         match self.pick(4) {
             0 => {
-                let radiance = self.colour("environment", 0.3, 0.9);
+                let radiance = self.color("environment", 0.3, 0.9);
                 scene = scene.environment(radiance);
             }
             1 => {
@@ -247,7 +247,7 @@ impl<'a> Maker<'a> {
                 let place = self.along("lamp: translation", place, 0.05, true);
                 let radiance = match self.pick(3) {
                     0 => ColorTexture::texture(self.texels("lamp: emission", 2.0, 8.0)),
-                    _ => self.colour("lamp: emission", 3.0, 8.0).into(),
+                    _ => self.color("lamp: emission", 3.0, 8.0).into(),
                 };
                 self.description
                     .push(["square lamp", "round lamp"][kind].into());
@@ -256,7 +256,7 @@ impl<'a> Maker<'a> {
             }
             2 | 3 => {
                 self.delta = true;
-                let intensity = self.colour("light: intensity", 3.0, 8.0);
+                let intensity = self.color("light: intensity", 3.0, 8.0);
                 let target = self.vector(-0.3, 0.3);
                 let towards = std::array::from_fn(|i| target[i] - place[i]);
                 let position = self.along("light: position", place, 0.05, true);
@@ -274,7 +274,7 @@ impl<'a> Maker<'a> {
             }
             4 => {
                 self.delta = true;
-                let irradiance = self.colour("light: irradiance", 1.0, 3.0);
+                let irradiance = self.color("light: irradiance", 1.0, 3.0);
                 let direction = self.along("light: direction", [-0.4, -1.0, -0.3], 0.04, true);
                 self.description.push("directional".into());
                 scene = scene.light(Light::directional(direction, irradiance));

@@ -8,7 +8,7 @@ use crate::io::{HostImage, srgb_to_linear};
 const WHITE: [f64; 3] = [255.0, 255.0, 255.0];
 const RED: [[f64; 3]; 3] = [WHITE, [244.0, 165.0, 130.0], [178.0, 24.0, 43.0]];
 const BLUE: [[f64; 3]; 3] = [WHITE, [146.0, 197.0, 222.0], [33.0, 102.0, 172.0]];
-const GREY: [f64; 3] = [128.0, 128.0, 128.0];
+const GRAY: [f64; 3] = [128.0, 128.0, 128.0];
 
 /// A diverging color map of signed numbers: white at 0, blue below, red above, darkest from ±scale on. Numbers that are
 /// not finite are gray.
@@ -23,7 +23,7 @@ impl Diverging {
     /// # Errors
     /// If the scale is not finite and above 0.
     pub fn new(scale: f64) -> Result<Self> {
-        Error::unless_positive("figure", "colour scale", scale)?;
+        Error::unless_positive("figure", "color scale", scale)?;
         Ok(Self { scale })
     }
 
@@ -48,7 +48,7 @@ impl Diverging {
     /// The sRGB-encoded color of a number.
     pub(super) fn encoded(&self, value: f64) -> Rgb {
         if !value.is_finite() {
-            return GREY.map(|c| c as u8);
+            return GRAY.map(|c| c as u8);
         }
         let stops = if value < 0.0 { BLUE } else { RED };
         let place = 2.0 * (value.abs() / self.scale).min(1.0);
@@ -59,7 +59,7 @@ impl Diverging {
     }
 
     /// The linear RGB color of a number.
-    pub(super) fn colour(&self, value: f64) -> [f32; 3] {
+    pub(super) fn color(&self, value: f64) -> [f32; 3] {
         let linear = |byte| srgb_to_linear(f32::from(byte) / 255.0);
         self.encoded(value).map(linear)
     }
@@ -70,7 +70,7 @@ impl Diverging {
         let found = format!("of {} numbers", values.len());
         let expected = format!("one for each of {width} × {height} pixels");
         Error::unless(whole, "figure", "signed image", found, &expected)?;
-        let pixels = values.iter().flat_map(|&v| self.colour(v));
+        let pixels = values.iter().flat_map(|&v| self.color(v));
         HostImage::new(width, height, pixels.collect())
     }
 }
@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn signs_have_colours_and_magnitudes_have_depths() {
+    fn signs_have_colors_and_magnitudes_have_depths() {
         let map = Diverging::new(2.0).expect("a map");
         assert_eq!(map.encoded(0.0), [255; 3]);
         assert_eq!(map.encoded(2.0), [178, 24, 43]);
@@ -113,7 +113,7 @@ mod tests {
     fn mistakes_are_named() {
         for scale in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let error = Diverging::new(scale).expect_err("no scale").to_string();
-            assert!(error.contains("colour scale"), "{error}");
+            assert!(error.contains("color scale"), "{error}");
         }
         let map = Diverging::new(1.0).expect("a map");
         let error = map.image(2, 2, &[0.0; 3]).expect_err("too few").to_string();
