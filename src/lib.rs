@@ -76,8 +76,8 @@ pub mod prelude {
     pub use crate::optim::{Evaluation, Fit, Rate};
     pub use crate::render::{
         Batch, Diagnostics, EmitterSampling, Engine, HierarchyCache, Image, ImageBatch, Program,
-        RenderOptions, Sampling, Sequence, Statistics, SurfaceSampling, Visibility, overview,
-        render, render_batch, render_pixels,
+        RenderOptions, Sampling, Sequence, SoftmaxOptions, Statistics, SurfaceSampling, Visibility,
+        overview, render, render_batch, render_pixels,
     };
     pub use crate::scene::{
         Bounds, Bsdf, Camera, ColorTexture, Environment, Light, Material, Mesh, Object, Parameter,

@@ -61,10 +61,13 @@ impl RenderOptions {
                 format!("at most {MOST_BOUNCES}; a path would go on for up to {surfaces} surfaces");
             return wrong("bounces", &self.bounces, &most);
         }
-        if !(self.cutoff > 0.0 && self.cutoff < 0.5) {
-            return wrong("cutoff", &self.cutoff, "a number in (0, 0.5)");
-        }
         self.visibility.check()?;
+        if let Some(blur) = self.blur
+            && self.visibility.is_softmax()
+        {
+            let expected = "none with the softmax, which has SoftmaxOptions::sigma";
+            return wrong("blur", &blur, expected);
+        }
         if self.engine == Engine::Kernels && self.visibility.is_softmax() {
             return wrong("engine", &"Kernels", "Auto or Tensors for the softmax");
         }
@@ -86,13 +89,6 @@ impl RenderOptions {
             if self.adaptive || self.visibility.is_softmax() || self.engine == Engine::Tensors {
                 let expected = "none with adaptive sampling, the softmax or Engine::Tensors";
                 return wrong("pass", &value, expected);
-            }
-        }
-        if let Some(b) = self.bounds {
-            let is_box = b.size().iter().all(|&s| s >= 0.0) && b.radius().is_finite();
-            if !(is_box && b.radius() > 0.0 && b.center().iter().all(|c| c.is_finite())) {
-                let expected = "a finite box, min <= max, that is more than a point";
-                return wrong("bounds", &format!("{b:?}"), expected);
             }
         }
         Ok(())

@@ -25,7 +25,7 @@ use crate::scene::{
 };
 
 pub use crate::sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
-pub use crate::tensors::{Diagnostics, Visibility};
+pub use crate::tensors::{Diagnostics, SoftmaxOptions, Visibility};
 pub use batch::Batch;
 pub use cache::HierarchyCache;
 pub use film::{Image, ImageBatch, Program, Statistics, SurfacesPerRay};

@@ -12,7 +12,7 @@ use super::adaptive::MOST;
 use super::cache::HierarchyCache;
 use super::outputs::Outputs;
 use crate::sampling::{Sampler, Sampling};
-use crate::scene::{Bounds, Normalization};
+use crate::scene::Normalization;
 use crate::tensors::Visibility;
 
 /// The program that computes a render. For cones and the same seed, all give the same image, up to rounding.
@@ -81,9 +81,7 @@ pub struct RenderOptions {
     pub adaptive_edges: bool,
     /// The index of a pass and the number of passes ([`RenderOptions::pass`]).
     pub pass: Option<(u32, u32)>,
-    /// See [`RenderOptions::bounds`].
-    pub bounds: Option<Bounds>,
-    /// The normalization to use if `bounds` is not set.
+    /// The normalization of the softmax to use if it has no bounds.
     #[serde(skip)]
     normalization: Option<Normalization>,
     /// The outputs in addition to radiance.
@@ -92,12 +90,8 @@ pub struct RenderOptions {
     pub diagnostics: bool,
     /// See [`RenderOptions::with_statistics`].
     pub statistics: bool,
-    /// See [`RenderOptions::brute_force`].
-    pub brute_force: bool,
     #[serde(skip)]
     pub(super) cache: Option<HierarchyCache>,
-    /// See [`RenderOptions::cutoff`].
-    pub cutoff: f64,
     #[serde(skip)]
     pub(super) progress: Progress,
     /// See [`RenderOptions::memory_limit`].
@@ -155,14 +149,11 @@ impl RenderOptions {
             adaptive: false,
             adaptive_edges: true,
             pass: None,
-            bounds: None,
             normalization: None,
             outputs: Outputs::default(),
             diagnostics: false,
             statistics: false,
-            brute_force: false,
             cache: None,
-            cutoff: 1e-4,
             progress: Progress::default(),
             memory_limit: 4 << 30,
         }
@@ -234,13 +225,6 @@ impl RenderOptions {
         /// gradient: each host thread processes one tile at a time. By default host kernels use 8,192, and tensors
         /// choose it from the number of triangles that they pair with a ray. Kernels on a GPU ignore it.
         rays_per_tile(rays: usize) rays_per_tile = Some(rays);
-        /// Softmax only: sets the bounding box (scene units) whose circumscribed sphere sets the scale of depths and
-        /// tolerances. By default the sphere is around the scene's vertices. Finite differences need the same bounds on
-        /// both sides; see [`Scene::bounds`](crate::scene::Scene::bounds).
-        bounds(bounds: Bounds) bounds = Some(bounds);
-        /// Softmax only: sets the cutoff, in (0, 0.5); 1e-4 by default. A ray may skip triangles that cover less of it
-        /// than the cutoff, and surfaces behind an opacity of more than 1 − cutoff.
-        cutoff(cutoff: f64) cutoff = cutoff;
         /// Sets the maximum size in bytes of the images of a call; 4 GiB by default. Larger images are an error before
         /// anything is rendered. The size counts radiance, opacity, depth and normals, at 4 bytes per number.
         memory_limit(bytes: u64) memory_limit = bytes;
@@ -261,24 +245,21 @@ impl RenderOptions {
         /// Also counts the rays of images that GPU kernels render ([`Statistics`](super::Statistics)). This traces
         /// their paths once more and waits for the result. Renders on the host always count rays.
         with_statistics() statistics = true;
-        /// Softmax only: tests every triangle for every ray, in tensors, as renders on GPUs always do. It is slow, and
-        /// the specification of the BVH.
-        brute_force() brute_force = true;
     }
 
-    /// Sets the blur of all rays by one number, for fits that reduce the blur step by step.
-    ///
-    /// For cones it is the half-angle in radians. It also applies to camera rays if it is wider than the pixel filter.
-    /// For the softmax it is σ in scene units squared. [`RenderOptions::visibility`] sets each value on its own.
-    pub fn blur(mut self, blur: f64) -> Self {
-        self.visibility.set_blur(blur);
-        self.blur = (!self.visibility.is_softmax()).then_some(blur);
+    /// Sets the half-angle of all cones in radians, in [0, 1.2), for fits that reduce the blur step by step. It also
+    /// applies to camera rays if it is wider than the pixel filter. With the softmax, a render returns an error; set
+    /// [`SoftmaxOptions::sigma`](super::SoftmaxOptions::sigma) instead.
+    pub fn blur(mut self, angle: f64) -> Self {
+        self.visibility.set_angle(angle);
+        self.blur = Some(angle);
         self
     }
 
-    /// Sets the form of visibility and its blur: hard surfaces with cones of rays, or the paper's softmax.
-    pub fn visibility(mut self, visibility: Visibility) -> Self {
-        self.visibility = visibility;
+    /// Sets the form of visibility: hard surfaces with cones of rays ([`Visibility::cone`]), or the paper's softmax
+    /// ([`Visibility::softmax`], [`SoftmaxOptions`](super::SoftmaxOptions)). It resets [`RenderOptions::blur`].
+    pub fn visibility(mut self, visibility: impl Into<Visibility>) -> Self {
+        self.visibility = visibility.into();
         self.blur = None;
         self
     }
@@ -299,7 +280,9 @@ impl RenderOptions {
 
     /// The scale of depths and tolerances; `None` if the scene sets it.
     pub(super) fn normalization(&self) -> Option<Normalization> {
-        self.bounds.map(Normalization::from).or(self.normalization)
+        let softmax = self.visibility.softmax_options();
+        let bounds = softmax.and_then(|softmax| softmax.bounds);
+        bounds.map(Normalization::from).or(self.normalization)
     }
 
     /// Sets the cache that keeps prepared data for the next render ([`HierarchyCache`]).

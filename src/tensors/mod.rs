@@ -32,5 +32,5 @@ pub(crate) use path::{Radiance, trace};
 pub(crate) use rays::Rays;
 pub(crate) use softmax::{Candidates, Group, hierarchy_of};
 pub(crate) use tracer::{PathSettings, RayStatistics, Sight, Tracer, Transport};
-pub use visibility::Visibility;
 pub(crate) use visibility::VisibilityForm;
+pub use visibility::{SoftmaxOptions, Visibility};

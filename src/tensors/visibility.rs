@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::softmax::Softmax;
 use crate::error::{Error, Result};
+use crate::scene::Bounds;
 
 /// The form of visibility in a render. Gradients are derivatives of the image in this form.
 ///
@@ -33,20 +34,101 @@ pub enum Visibility {
     /// Each triangle counts by p = sigmoid(±D/σ), where D is the squared distance, in the triangle's plane, of a ray's
     /// hit from the border. The triangles of a ray share it by a softmax over log p_k + z_k/γ, with z_k = (far −
     /// t_k)/(far − near), and ε/γ for the background. Light passes by ∏(1 − p_k).
-    Softmax {
-        /// Blur of edges σ, in squared scene units.
-        sigma: f64,
-        /// Blur in depth γ, in units of the scene's depth.
-        gamma: f64,
-        /// ε, which sets the score ε/γ of the background.
-        epsilon: f64,
-    },
+    Softmax(SoftmaxOptions),
+}
+
+/// The settings of [`Visibility::Softmax`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct SoftmaxOptions {
+    /// Blur of edges σ, in squared scene units, more than 0.
+    pub sigma: f64,
+    /// Blur in depth γ, in units of the scene's depth, more than 0.
+    pub gamma: f64,
+    /// ε ≥ 0, which sets the score ε/γ of the background; 1e-3 by default.
+    pub epsilon: f64,
+    /// In (0, 0.5); 1e-4 by default. A ray may skip triangles that cover less of it than the cutoff, and surfaces
+    /// behind an opacity of more than 1 − cutoff.
+    pub cutoff: f64,
+    /// Whether every triangle is tested for every ray, in tensors, as renders on GPUs always do; false by default. It
+    /// is slow, and the specification of the BVH.
+    pub brute_force: bool,
+    /// The bounding box (scene units) whose circumscribed sphere sets the scale of depths and tolerances; by default
+    /// the sphere around the scene's vertices. Finite differences need the same bounds on both sides; see
+    /// [`Scene::bounds`](crate::scene::Scene::bounds).
+    pub bounds: Option<Bounds>,
+}
+
+impl SoftmaxOptions {
+    /// Creates settings with defaults for all but σ and γ.
+    pub const fn new(sigma: f64, gamma: f64) -> Self {
+        Self {
+            sigma,
+            gamma,
+            epsilon: 1e-3,
+            cutoff: 1e-4,
+            brute_force: false,
+            bounds: None,
+        }
+    }
+
+    /// Sets ε.
+    pub const fn epsilon(mut self, epsilon: f64) -> Self {
+        self.epsilon = epsilon;
+        self
+    }
+
+    /// Sets the cutoff.
+    pub const fn cutoff(mut self, cutoff: f64) -> Self {
+        self.cutoff = cutoff;
+        self
+    }
+
+    /// Tests every triangle for every ray.
+    pub const fn brute_force(mut self) -> Self {
+        self.brute_force = true;
+        self
+    }
+
+    /// Sets the bounds.
+    pub const fn bounds(mut self, bounds: Bounds) -> Self {
+        self.bounds = Some(bounds);
+        self
+    }
+
+    fn check(&self) -> Result<()> {
+        let valid = |field, value: f64, valid: bool, expected: &str| {
+            Error::unless(valid, "options", field, value, expected)
+        };
+        for (field, value) in [("sigma", self.sigma), ("gamma", self.gamma)] {
+            let positive = value.is_finite() && value > 0.0;
+            valid(field, value, positive, "a finite number > 0")?;
+        }
+        let epsilon = self.epsilon.is_finite() && self.epsilon >= 0.0;
+        valid("epsilon", self.epsilon, epsilon, "a finite number ≥ 0")?;
+        let cutoff = self.cutoff > 0.0 && self.cutoff < 0.5;
+        valid("cutoff", self.cutoff, cutoff, "a number in (0, 0.5)")?;
+        let Some(b) = self.bounds else {
+            return Ok(());
+        };
+        let is_box = b.size().iter().all(|&s| s >= 0.0) && b.radius().is_finite();
+        let is_valid = is_box && b.radius() > 0.0 && b.center().iter().all(|c| c.is_finite());
+        let expected = "a finite box, min <= max, that is more than a point";
+        Error::unless(is_valid, "options", "bounds", format!("{b:?}"), expected)
+    }
+}
+
+impl From<SoftmaxOptions> for Visibility {
+    fn from(options: SoftmaxOptions) -> Self {
+        Self::Softmax(options)
+    }
 }
 
 /// The parameters with which a form of visibility is computed.
 pub(crate) enum VisibilityForm {
     Cones { angle: f64, pixels: f64 },
-    Softmax(Softmax),
+    Softmax(Softmax, SoftmaxOptions),
 }
 
 impl Default for Visibility {
@@ -62,56 +144,58 @@ impl fmt::Display for Visibility {
             Self::Cone { angle, pixels } => {
                 write!(f, "cones of {angle} rad, filter of {pixels} px")
             }
-            Self::Softmax {
+            Self::Softmax(SoftmaxOptions {
                 sigma,
                 gamma,
                 epsilon,
-            } => write!(f, "softmax of σ {sigma}, γ {gamma}, ε {epsilon}"),
+                ..
+            }) => write!(f, "softmax of σ {sigma}, γ {gamma}, ε {epsilon}"),
         }
     }
 }
 
 impl Visibility {
     /// Returns cones of a half-angle in radians, with a pixel filter of half a pixel.
-    pub fn cone(angle: f64) -> Self {
+    pub const fn cone(angle: f64) -> Self {
         Self::Cone { angle, pixels: 0.5 }
     }
 
     /// Returns the softmax form with ε = 1e-3. `sigma` is in squared scene units, `gamma` in units of the scene's
     /// depth.
-    pub fn softmax(sigma: f64, gamma: f64) -> Self {
-        Self::Softmax {
-            sigma,
-            gamma,
-            epsilon: 1e-3,
-        }
+    pub const fn softmax(sigma: f64, gamma: f64) -> Self {
+        Self::Softmax(SoftmaxOptions::new(sigma, gamma))
     }
 
     /// Returns the parameters of the form, with lengths in units of `unit`.
     pub(crate) fn form(&self, unit: f64) -> VisibilityForm {
         match *self {
             Self::Cone { angle, pixels } => VisibilityForm::Cones { angle, pixels },
-            Self::Softmax {
-                sigma,
-                gamma,
-                epsilon,
-            } => VisibilityForm::Softmax(Softmax {
-                sigma: sigma / (unit * unit),
-                gamma,
-                epsilon,
-            }),
+            Self::Softmax(options) => {
+                let parameters = Softmax {
+                    sigma: options.sigma / (unit * unit),
+                    gamma: options.gamma,
+                    epsilon: options.epsilon,
+                };
+                VisibilityForm::Softmax(parameters, options)
+            }
+        }
+    }
+
+    pub(crate) fn softmax_options(&self) -> Option<&SoftmaxOptions> {
+        match self {
+            Self::Cone { .. } => None,
+            Self::Softmax(options) => Some(options),
         }
     }
 
     pub(crate) fn is_softmax(&self) -> bool {
-        matches!(self.form(1.0), VisibilityForm::Softmax(_))
+        self.softmax_options().is_some()
     }
 
-    /// Sets the blur of rays: the half-angle of cones, or σ of the softmax.
-    pub(crate) fn set_blur(&mut self, blur: f64) {
-        match self {
-            Self::Cone { angle, .. } => *angle = blur,
-            Self::Softmax { sigma, .. } => *sigma = blur,
+    /// Sets the half-angle of cones.
+    pub(crate) fn set_angle(&mut self, half_angle: f64) {
+        if let Self::Cone { angle, .. } = self {
+            *angle = half_angle;
         }
     }
 
@@ -127,20 +211,7 @@ impl Visibility {
                     return invalid("pixels", pixels, "a finite number ≥ 0");
                 }
             }
-            Self::Softmax {
-                sigma,
-                gamma,
-                epsilon,
-            } => {
-                for (field, value) in [("blur sigma", sigma), ("gamma", gamma)] {
-                    if !(value.is_finite() && value > 0.0) {
-                        return invalid(field, value, "a finite number > 0");
-                    }
-                }
-                if !(epsilon.is_finite() && epsilon >= 0.0) {
-                    return invalid("epsilon", epsilon, "a finite number ≥ 0");
-                }
-            }
+            Self::Softmax(options) => options.check()?,
         }
         Ok(())
     }

@@ -264,11 +264,7 @@ pub struct Effort {
 /// The swelling √(σ·Δz/γ) stays well under the distances between objects: where it reaches the
 /// plane's origin a surface stops to count, a jump that no gradient sees.
 pub const SOFTMAX: Effort = Effort {
-    visibility: Visibility::Softmax {
-        sigma: 5e-3,
-        gamma: 0.2,
-        epsilon: 1e-3,
-    },
+    visibility: Visibility::softmax(5e-3, 0.2),
     samples: 16,
 };
 
@@ -290,14 +286,18 @@ pub const CONES: Effort = Effort {
 fn options(case: &Case, effort: Effort) -> RenderOptions {
     // A sphere of radius 3.2 goes through the corners.
     let half = 3.2 / 3f64.sqrt();
+    let bounds = Bounds {
+        min: [-half, 0.8 - half, -half],
+        max: [half, 0.8 + half, half],
+    };
+    let visibility = match effort.visibility {
+        Visibility::Softmax(softmax) => softmax.bounds(bounds).into(),
+        cone => cone,
+    };
     RenderOptions::new(SIZE, SIZE)
         .samples(effort.samples)
         .bounces(case.bounces)
-        .visibility(effort.visibility)
-        .bounds(Bounds {
-            min: [-half, 0.8 - half, -half],
-            max: [half, 0.8 + half, half],
-        })
+        .visibility(visibility)
 }
 
 /// Σ of the image under fixed smooth weights.

@@ -14,11 +14,7 @@ use softray::prelude::*;
 #[test]
 fn renderers_and_configurations() {
     let scene = glowing(shapes::cube(&Device::flex()));
-    let softmax = Visibility::Softmax {
-        sigma: 1e-2,
-        gamma: 0.01,
-        epsilon: 1e-3,
-    };
+    let softmax = Visibility::softmax(1e-2, 0.01);
     let options = RenderOptions::new(8, 6)
         .samples(2)
         .bounces(1)
@@ -64,12 +60,16 @@ fn renderers_and_configurations() {
     );
     fails(options.clone().samples(0), "samples is 0");
     fails(RenderOptions::new(0, 6), "width is 0");
-    fails(options.clone().cutoff(2.0), "cutoff is 2");
+    let half = SoftmaxOptions::new(1e-3, 1e-3).cutoff(2.0);
+    fails(options.clone().visibility(half), "cutoff is 2");
     fails(
         options.visibility(Visibility::softmax(1e-3, 0.0)),
         "gamma is 0",
     );
-    says(message(renderer.with_blur(f64::NAN)), ["sigma is NaN"]);
+    says(
+        message(renderer.with_blur(f64::NAN)),
+        ["blur is NaN", "SoftmaxOptions::sigma"],
+    );
 }
 
 #[test]

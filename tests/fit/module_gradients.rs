@@ -15,22 +15,21 @@ fn autodiff() -> Device {
 /// The softmax without anything that a parameter could change the probability of, so that differences
 /// of one render are what its gradient has to be.
 fn still() -> RenderOptions {
+    let half = 4.0 / 3f64.sqrt();
+    let softmax = SoftmaxOptions::new(1e-2, 0.1).cutoff(1e-9).bounds(Bounds {
+        min: [-half; 3],
+        max: [half; 3],
+    });
     RenderOptions::new(10, 8)
         .samples(2)
         .bounces(0)
         .sampling(Sampling::paper())
-        .cutoff(1e-9)
-        .visibility(Visibility::softmax(1e-2, 0.1))
+        .visibility(softmax)
 }
 
 /// The mean radiance under weights that rise over the image, so that no symmetry cancels.
 fn seen(scene: &Scene, camera: &Camera) -> Tensor<1> {
-    let half = 4.0 / 3f64.sqrt();
-    let options = still().bounds(Bounds {
-        min: [-half; 3],
-        max: [half; 3],
-    });
-    let radiance = render(scene, camera, &options).expect("a render").radiance;
+    let radiance = render(scene, camera, &still()).expect("a render").radiance;
     let dims = radiance.dims();
     let weights: Vec<f64> = (0..dims.iter().product())
         .map(|i| 0.5 + (i as f64 * 0.37).sin().abs() + i as f64 / 240.0)

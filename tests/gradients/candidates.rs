@@ -49,15 +49,11 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
 }
 
 fn both(world: &World, sigma: f64, gamma: f64, cutoff: f64) -> [Outcome; 2] {
-    let options = RenderOptions::new(10, 10)
-        .samples(4)
-        .bounces(1)
-        .visibility(Visibility::softmax(sigma, gamma))
-        .cutoff(cutoff)
-        .seed(5);
-    [options.clone().brute_force(), options].map(|options| {
+    let options = RenderOptions::new(10, 10).samples(4).bounces(1).seed(5);
+    let softmax = SoftmaxOptions::new(sigma, gamma).cutoff(cutoff);
+    [softmax.brute_force(), softmax].map(|softmax| {
         let world = World {
-            options,
+            options: options.clone().visibility(softmax),
             ..world.clone()
         };
         world.run(&Device::flex(), DType::F64).expect("an image")
@@ -197,8 +193,9 @@ fn a_constant_scene_leaves_nothing_behind() {
     let scene = under_sky(shapes::icosphere(1, &device));
     let camera = on_axis(4.0);
     let options = RenderOptions::new(8, 8).samples(2);
-    let softmax = options.clone().visibility(Visibility::softmax(1e-3, 1e-3));
-    for options in [options, softmax.clone(), softmax.brute_force()] {
+    let softmax = SoftmaxOptions::new(1e-3, 1e-3);
+    let of = |softmax| options.clone().visibility(softmax);
+    for options in [options.clone(), of(softmax), of(softmax.brute_force())] {
         let image = render(&scene, &camera, &options).expect("an image");
         assert!(!image.radiance.is_tracked());
     }

@@ -139,11 +139,21 @@ fn the_same_on_ndarray() {
 fn the_same_by_all_triangles() {
     let flex = Device::flex();
     let setups: [Setup; 2] = [
-        (&flex, |o| o.cutoff(1e-9)),
-        (&flex, RenderOptions::brute_force),
+        (&flex, |o| with_softmax(o, |softmax| softmax.cutoff(1e-9))),
+        (&flex, |o| with_softmax(o, SoftmaxOptions::brute_force)),
     ];
     // Ten times the cutoff; 2e-10 are left.
     assert_agreement(&all_classes(), setups, DType::F64, SOFTMAX, |_| 1e-8);
+}
+
+fn with_softmax(
+    options: RenderOptions,
+    change: fn(SoftmaxOptions) -> SoftmaxOptions,
+) -> RenderOptions {
+    let Visibility::Softmax(softmax) = options.visibility else {
+        panic!("{options:?}");
+    };
+    options.visibility(change(softmax))
 }
 
 /// A floor under a sky and a lamp; the albedo of the floor, times a factor whose gradient is cut to a

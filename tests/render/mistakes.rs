@@ -338,11 +338,11 @@ fn options() {
     told.expect("blur of 0 for the softmax", &["sigma", "0", "> 0"], || {
         with(small().visibility(Visibility::softmax(0.0, 1e-3)))
     });
-    told.expect("blur 0, softmax", &["blur", "0", "> 0"], || {
+    told.expect("blur, softmax", &["blur", "SoftmaxOptions::sigma"], || {
         with(
             small()
                 .visibility(Visibility::softmax(1e-4, 1e-3))
-                .blur(0.0),
+                .blur(0.1),
         )
     });
     told.expect(
@@ -377,6 +377,6 @@ fn options() {
         render_pixels(&lit(ball()), &camera(), &small(), &[])
     });
     told.expect("a cutoff of 1", &["cutoff", "1", "(0, 0.5)"], || {
-        with(small().cutoff(1.0))
+        with(small().visibility(SoftmaxOptions::new(1e-4, 1e-3).cutoff(1.0)))
     });
 }

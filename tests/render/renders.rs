@@ -223,14 +223,10 @@ fn errors_name_what_is_wrong_with_options() {
             expect(few().visibility(form), [field, &value]);
         }
     }
-    let softmax = |epsilon| Visibility::Softmax {
-        sigma: 1e-3,
-        gamma: 1e-3,
-        epsilon,
-    };
+    let softmax = |epsilon| SoftmaxOptions::new(1e-3, 1e-3).epsilon(epsilon);
     let cone = |angle, pixels| Visibility::Cone { angle, pixels };
     for (form, parts) in [
-        (softmax(-1.0), ["epsilon", "-1"]),
+        (softmax(-1.0).into(), ["epsilon", "-1"]),
         (cone(-0.1, 0.5), ["angle", "-0.1"]),
         (cone(0.0, f64::NAN), ["pixels", "NaN"]),
     ] {
@@ -344,7 +340,9 @@ fn diagnostics_count_what_is_degenerate() {
         let image = render(scene, &camera, options).expect("an image");
         (image.diagnostics, values(&image.radiance))
     };
-    let (none, expected) = at(&white(1.0).with(ball()), &options.clone().brute_force());
+    let brute_force = SoftmaxOptions::new(1e-6, 1e-3).brute_force();
+    let brute_force = options.clone().visibility(brute_force);
+    let (none, expected) = at(&white(1.0).with(ball()), &brute_force);
     assert_eq!(none, None);
     let options = options.with_diagnostics();
     let (clean, radiance) = at(&white(1.0).with(ball()), &options);

@@ -112,8 +112,9 @@ fn world(form: Visibility) -> World {
 /// The world times s.
 fn scaled(form: Visibility, s: f64) -> Outcome {
     let scaled = world(form).mapped(|p| p.map(|x| s * x)).with(|w| {
-        if let Visibility::Softmax { sigma, .. } = form {
-            w.options = w.options.clone().blur(sigma * s * s);
+        if let Visibility::Softmax(SoftmaxOptions { sigma, gamma, .. }) = form {
+            let softmax = Visibility::softmax(sigma * s * s, gamma);
+            w.options = w.options.clone().visibility(softmax);
         }
         w.thing("ball").velocity = Some([0.2 * s, 0.1 * s, 0.0]);
         w.lens = Some((0.05 * s, 4.0 * s));

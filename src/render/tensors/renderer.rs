@@ -269,17 +269,17 @@ fn sight(
                 Some(PixelFilter::of_cone(pixels, wide)),
             ))
         }
-        VisibilityForm::Softmax(form) => {
+        VisibilityForm::Softmax(form, of_form) => {
             if scene.holes.is_some() {
                 let expected = "none under the softmax: holes are for Visibility::cone";
                 return Err(Error::invalid("scene", "alpha mask", "a mask", expected));
             }
             // Diagnostics count all pairs, and GPUs avoid the host.
             let is_dense =
-                options.brute_force || options.diagnostics || !is_cpu(&scene.context.device);
+                of_form.brute_force || options.diagnostics || !is_cpu(&scene.context.device);
             let candidates = match is_dense {
                 true => None,
-                false => Some(Candidates::new(hierarchy()?, options.cutoff)),
+                false => Some(Candidates::new(hierarchy()?, of_form.cutoff)),
             };
             Ok((Sight::Softmax(form, candidates), None))
         }

@@ -15,11 +15,7 @@ const FORMS: [Visibility; 3] = [
         angle: 0.1,
         pixels: 0.0,
     },
-    Visibility::Softmax {
-        sigma: 1e-3,
-        gamma: 1e-3,
-        epsilon: 1e-3,
-    },
+    Visibility::softmax(1e-3, 1e-3),
 ];
 
 /// Scenes that have to give finite images and gradients, by name.
@@ -54,11 +50,7 @@ pub fn cases() -> Vec<(String, World)> {
     for sigma in [1e-14, 1e-10, 1e-6, 1e-2, 1.0, 1e2, 1e4] {
         for gamma in [1e-8, 1e-4, 1.0, 1e2] {
             for epsilon in [0.0, 1e-3, 1.0] {
-                blurred(Visibility::Softmax {
-                    sigma,
-                    gamma,
-                    epsilon,
-                });
+                blurred(SoftmaxOptions::new(sigma, gamma).epsilon(epsilon).into());
             }
         }
     }
