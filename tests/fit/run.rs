@@ -222,12 +222,8 @@ fn finished_fits_continue_with_more_steps() {
 /// A group's rate moves its own parameters alone.
 #[test]
 fn groups_have_rates_of_their_own() {
-    let fit = || {
-        let optimizer = SgdConfig::new().init();
-        Fit::new(point(&[0.5, -1.0]), optimizer, 3)
-            .rate(0.1)
-            .progress(false)
-    };
+    let at = || point(&[0.5, -1.0]);
+    let fit = || Fit::new(at(), SgdConfig::new().init(), 3).progress(false);
     let moved = |fit: Fit<Point>| place(&fit.run(bowl).expect("a fit").module);
     let others = ParamGroup::from_path("nowhere");
     assert_eq!(moved(fit()), moved(fit().rate_of(others, 0.7)));

@@ -371,12 +371,10 @@ fn images_that_are_not_there() {
         let told = warnings(|| scene = Scene::load(path, &flex()).expect("a scene"));
         let whole = told.len() == 1 && told[0].contains("without what can't be read");
         assert!(whole && told[0].contains(part), "{told:?}");
-        let material = &scene.objects[0].materials[0];
-        let diffuse = match base(material) {
-            ColorTexture::Constant(p) => p.values().expect("a color"),
-            ColorTexture::Texture { .. } => panic!("a texture"),
+        let ColorTexture::Constant(color) = base(&scene.objects[0].materials[0]) else {
+            panic!("a texture");
         };
-        assert_eq!(diffuse, [1.0, 0.5, 0.0]);
+        assert_eq!(color.values().expect("a color"), [1.0, 0.5, 0.0]);
         assert!(!scene.has_light());
     }
 }
