@@ -72,6 +72,7 @@ const LIGHT: Quad = [
     [2.13, 5.487, 2.27],
 ];
 /// The blocks: the corners (x, z) of the top, and its height.
+#[allow(clippy::approx_constant)] // a coordinate of 3.14
 const BLOCKS: [(&str, [[f64; 2]; 4], f64); 2] = [
     (
         "short",

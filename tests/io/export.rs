@@ -88,7 +88,7 @@ fn a_scene_reads_back_to_the_same_image() {
     let floor = &read.objects[0].materials[0];
     assert_eq!(floor.name, "Wood _1");
     assert!(matches!(
-        base(&floor),
+        base(floor),
         ColorTexture::Texture {
             wrap: Wrap::Clamp,
             ..

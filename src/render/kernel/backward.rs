@@ -159,7 +159,7 @@ impl Backward {
         let film = &asked.film;
         let mut shares = [1.0; 3];
         if self.shares && jumps && asked.paths >= LEAST_PATHS {
-            let first = |pixel: u32| hashed(pixel) % FIRST == 0;
+            let first = |pixel: u32| hashed(pixel).is_multiple_of(FIRST);
             let mut yields = of_pixels(usual, &first).times(f64::from(FIRST));
             if let Some(film) = film {
                 yields += film.first(view).times(f64::from(FIRST_ON_FILM));
