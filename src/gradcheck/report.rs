@@ -78,7 +78,8 @@ impl Report {
         self.rows.iter().all(|r| r.verdict == Verdict::Agrees)
     }
 
-    /// Returns the mean of |gradient/difference − 1| over rows whose difference is not 0.
+    /// Returns the mean of |g/d − 1| over the rows, where g is the autodiff derivative ([`Row::gradient`]) and d is the
+    /// central difference ([`Row::difference`]). Rows with d = 0 are left out.
     pub fn mean_relative_error(&self) -> f64 {
         let rows = self.rows.iter().filter(|r| r.difference.mean != 0.0);
         let errors: Vec<f64> = rows.map(|r| r.relative().abs()).collect();

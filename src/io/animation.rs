@@ -104,8 +104,9 @@ impl Animation {
 
     /// Writes a `.gif` that loops forever, in sRGB clipped to [0, 1], with 256 colors for each frame.
     ///
-    /// Frames last whole hundredths of a second. If the rate does not fit, durations differ by one hundredth. The
-    /// file appears under its name only when it is complete.
+    /// Each frame lasts a whole number of hundredths of a second. If 100 is not a multiple of the frame rate, some
+    /// frames last one hundredth longer than others, so that the average rate is kept. The file appears under its
+    /// name only when it is complete.
     ///
     /// # Errors
     /// If the extension is another one, the rate is out of range, frames have more than 65,535 columns or rows, or
@@ -140,7 +141,7 @@ impl Animation {
     }
 }
 
-/// Returns the duration of a frame in hundredths of a second, rounded so that durations add up to the rate.
+/// Returns the duration of a frame in hundredths of a second, rounded so that the average rate is kept.
 fn ticks(frame: usize, rate: f64) -> u32 {
     let end = |frame: usize| (frame as f64 * TICKS_PER_SECOND / rate).round();
     // The longest duration in a GIF.

@@ -135,8 +135,9 @@ impl MeshRegularizer {
     /// et al. 1999, *Implicit Fairing of Irregular Meshes using Diffusion and Curvature Flow*, the curvature
     /// normal). δ points along the normal, so the loss does not pull vertices along the surface.
     ///
-    /// The weights are constants for the gradient. Cotangents are clamped to the values at 3° and 177°. Their
-    /// sum at an edge is clamped to at least 0, so vᵢ + δᵢ stays among the neighbors on any mesh.
+    /// No gradient flows through the weights. Cotangents are clamped to the values at 3° and 177°. Their sum at
+    /// an edge is clamped to at least 0, so vᵢ + δᵢ lies in the convex hull of the neighbors on any mesh. If all
+    /// weights of a vertex are 0, δᵢ is 0.
     pub fn laplacian_cotangent(&self, vertices: Tensor<3>) -> Tensor<1> {
         let planes = self.planes(vertices);
         let weights = self.cotangent_weights(&planes.clone().detach());

@@ -155,7 +155,7 @@ impl fmt::Display for Visibility {
 }
 
 impl Visibility {
-    /// Returns cones of a half-angle in radians, with a pixel filter of half a pixel.
+    /// Returns cones of a half-angle in radians, with a pixel filter of radius half a pixel.
     pub const fn cone(angle: f64) -> Self {
         Self::Cone { angle, pixels: 0.5 }
     }

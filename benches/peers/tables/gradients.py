@@ -159,8 +159,8 @@ def report(result, folder):
     text = "The tables are about the derivative of Σ weights·image with respect to one number. The image has 64 × 64 pixels and a box "
     text += "filter. The weights are the derivative image's own means over 8 × 8 pixels. The truth is a central difference of Mitsuba's "
     text += f"`path`, known to {percent(worst)} or better. For the cube it is the closed form. The softmax has σ = {result['sigma']:g}, "
-    text += "γ = 1e-3.\n\nBias: the ratio of the mean to the truth, minus 1, with the standard error of the mean. The error of the truth "
-    text += "adds to it:\n\n"
+    text += "γ = 1e-3.\n\nBias: the mean of the estimates divided by the truth, minus 1, ± the standard error of that mean. The ± does not "
+    text += "include the error of the truth itself:\n\n"
     text += common.table(head, rows("scalar", bias))
     text += "\nNoise × √seconds: the standard deviation of the mean of one second of estimates, divided by the truth. The brackets show "
     text += f"the range over three runs, which are thirds of the seeds. With fewer than {FEW} estimates, the noise is extrapolated from "
