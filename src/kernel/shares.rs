@@ -84,7 +84,7 @@ impl Yields {
         let cost = |kind: usize| edges[kind].rays + SEARCH[kind] * edges[kind].searches;
         let weight = |kind: usize| (VARIANCE[kind] * edges[kind].squares * cost(kind)).sqrt();
         let sum: f64 = (0..KINDS).map(weight).sum();
-        if !(sum > 0.0 && sum.is_finite()) {
+        if !(sum > 0.0 && sum.is_finite() && self.paths > 0.0) {
             return [1.0; KINDS];
         }
         let few = samples_log <= FEW_SAMPLES;

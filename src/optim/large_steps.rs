@@ -100,7 +100,7 @@ impl LargeStepsConfig {
 /// `ModuleOptimizer::with_group`; [`Fit::rate_of`](super::Fit::rate_of) has an example.
 ///
 /// # Panics
-/// A step panics if a parameter has the shape `[W, 3]` of vertices, and W is not V.
+/// A step panics if a parameter has the shape `[W, 3]` of vertices, where W is more than 3 and not V.
 ///
 /// The optimizer runs on the host in f64. It solves with the matrix by conjugate gradients to a relative
 /// residual of 1e-10, and logs a warning if they do not converge. It skips a step, with a warning, if the
@@ -207,9 +207,9 @@ impl LargeSteps {
         let (n, vertices) = (g.len(), self.matrix.rows());
         let columns = match gradient.dims()[..] {
             [rows, ..] if rows == vertices => Some(n / rows),
-            [rows, 3] => panic!(
-                "{OBJECT}: a parameter of shape [{rows}, 3], expected [{vertices}, 3]; use an optimizer of its \
-                 mesh (ModuleOptimizer::with_group)"
+            [rows, 3] if rows > 3 => panic!(
+                "{OBJECT}: a parameter of shape [{rows}, 3], expected [{vertices}, 3]; use another optimizer for \
+                 it (ModuleOptimizer::with_group)"
             ),
             _ => None,
         };

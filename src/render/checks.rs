@@ -61,7 +61,7 @@ impl RenderOptions {
                 format!("at most {MOST_BOUNCES}; a path would go on for up to {surfaces} surfaces");
             return wrong("bounces", &self.bounces, &most);
         }
-        self.visibility.check()?;
+        self.form().check()?;
         if let Some(blur) = self.blur
             && self.visibility.is_softmax()
         {

@@ -65,7 +65,8 @@ pub struct RenderOptions {
     pub visibility: Visibility,
     /// See [`RenderOptions::engine`].
     pub engine: Engine,
-    /// The half-angle of all cones, including those of camera rays, in radians ([`RenderOptions::blur`]).
+    /// The half-angle of all cones, including those of camera rays, in radians ([`RenderOptions::blur`]). It replaces
+    /// the angle of `visibility`.
     pub blur: Option<f64>,
     /// See [`RenderOptions::sampling`].
     pub sampling: Sampling,
@@ -197,12 +198,14 @@ impl RenderOptions {
         ///
         /// There are three kinds of edges: of shadows, of reflected light, and on the film. An eighth of the pixels
         /// measures the variance and the cost of each kind. In the other pixels each kind has ⅛ to 8 times its usual
-        /// number of samples. Gradients stay unbiased and reproducible. GPUs use the usual numbers, and so does a view
+        /// number of samples. Gradients stay reproducible, and unbiased up to the dependence of pixels
+        /// that share a low-discrepancy sequence. GPUs use the usual numbers, and so does a view
         /// in which the loss depends on fewer than 8,192 paths.
         adaptive_edges(adaptive: bool) adaptive_edges = adaptive;
         /// Renders one of several passes over the image for progressive rendering: pass `index` of `passes` has its own
-        /// samples, `samples / passes` of each pixel, and the mean of the images of all passes is the image with all
-        /// samples, up to rounding. A program can thus show an image while it refines, or stop and resume.
+        /// samples, `samples / passes` of each pixel, and the mean of the radiance (and opacity) of all passes is that with
+        /// all samples, up to rounding. Depths and normals are means over what each pass hit. A program can thus show
+        /// an image while it refines, or stop and resume.
         ///
         /// `samples` must be a multiple of `passes`. Gradients, adaptive sampling, the softmax and [`Engine::Tensors`]
         /// return an error.
@@ -251,7 +254,6 @@ impl RenderOptions {
     /// applies to camera rays if it is wider than the pixel filter. With the softmax, a render returns an error; set
     /// [`SoftmaxOptions::sigma`](super::SoftmaxOptions::sigma) instead.
     pub fn blur(mut self, angle: f64) -> Self {
-        self.visibility.set_angle(angle);
         self.blur = Some(angle);
         self
     }
@@ -296,6 +298,14 @@ impl RenderOptions {
     pub fn progress(mut self, call: impl Fn(usize, usize) + Send + Sync + 'static) -> Self {
         self.progress = Progress(Some(Arc::new(call)));
         self
+    }
+
+    /// The form of visibility with the blur.
+    pub(super) fn form(&self) -> Visibility {
+        match (self.visibility, self.blur) {
+            (Visibility::Cone { pixels, .. }, Some(angle)) => Visibility::Cone { angle, pixels },
+            (form, _) => form,
+        }
     }
 
     /// The samples of a pixel that are rendered.

@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Outputs {
-    /// See [`RenderOptions::with_opacity`].
+    /// See [`RenderOptions::with_opacity`](super::RenderOptions::with_opacity).
     pub opacity: bool,
-    /// See [`RenderOptions::with_depth`].
+    /// See [`RenderOptions::with_depth`](super::RenderOptions::with_depth).
     pub depth: bool,
-    /// See [`RenderOptions::with_normals`].
+    /// See [`RenderOptions::with_normals`](super::RenderOptions::with_normals).
     pub normals: bool,
-    /// See [`RenderOptions::with_object_ids`].
+    /// See [`RenderOptions::with_object_ids`](super::RenderOptions::with_object_ids).
     pub object_ids: bool,
 }
 

@@ -14,10 +14,10 @@ pub(crate) const MOST_IOR: f64 = 10.0;
 pub(crate) const LEAST_CONTRAST: f64 = 1e-3;
 
 /// How a surface scatters light: a model with its parameters.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Bsdf {
-    /// Lambert plus normalized Phong: f = k_d/π + k_s (n + 2)/(2π) cosⁿα ([`Material::diffuse`], [`Material::phong`]).
+    /// Lambert plus normalized Phong: f = k_d/π + k_s (n + 2)/(2π) cosⁿα ([`Material::diffuse`](super::Material::diffuse), [`Material::phong`](super::Material::phong)).
     Phong {
         /// k_d.
         diffuse: ColorTexture,
@@ -26,7 +26,7 @@ pub enum Bsdf {
         /// The exponent n ≥ 0; a constant is at most 10⁶.
         shininess: Parameter<1>,
     },
-    /// The model of glTF 2.0 ([`Material::metallic_roughness`]).
+    /// The model of glTF 2.0 ([`Material::metallic_roughness`](super::Material::metallic_roughness)).
     MetallicRoughness {
         /// The reflectance of the metal along the normal, and the albedo of the matt base.
         base_color: ColorTexture,
@@ -37,7 +37,7 @@ pub enum Bsdf {
         /// Whether light that scatters several times between microfacets is added.
         compensated: bool,
     },
-    /// A metal ([`Material::conductor`]).
+    /// A metal ([`Material::conductor`](super::Material::conductor)).
     Conductor {
         /// The real part η of the complex index of refraction, RGB.
         eta: Parameter<3>,
@@ -48,7 +48,7 @@ pub enum Bsdf {
         /// Whether light that scatters several times between microfacets is added.
         compensated: bool,
     },
-    /// Clear matter that reflects and refracts ([`Material::dielectric`]).
+    /// Clear matter that reflects and refracts ([`Material::dielectric`](super::Material::dielectric)).
     Dielectric {
         /// A factor of the light that is reflected and refracted.
         tint: ColorTexture,

@@ -47,17 +47,31 @@ pub struct SoftmaxOptions {
     /// Blur in depth γ, in units of the scene's depth, more than 0.
     pub gamma: f64,
     /// ε ≥ 0, which sets the score ε/γ of the background; 1e-3 by default.
+    #[serde(default = "epsilon")]
     pub epsilon: f64,
     /// In (0, 0.5); 1e-4 by default. A ray may skip triangles that cover less of it than the cutoff, and surfaces
     /// behind an opacity of more than 1 − cutoff.
+    #[serde(default = "cutoff")]
     pub cutoff: f64,
     /// Whether every triangle is tested for every ray, in tensors, as renders on GPUs always do; false by default. It
     /// is slow, and the specification of the BVH.
+    #[serde(default)]
     pub brute_force: bool,
     /// The bounding box (scene units) whose circumscribed sphere sets the scale of depths and tolerances; by default
     /// the sphere around the scene's vertices. Finite differences need the same bounds on both sides; see
     /// [`Scene::bounds`](crate::scene::Scene::bounds).
+    #[serde(default)]
     pub bounds: Option<Bounds>,
+}
+
+/// The default of [`SoftmaxOptions::epsilon`].
+const fn epsilon() -> f64 {
+    1e-3
+}
+
+/// The default of [`SoftmaxOptions::cutoff`].
+const fn cutoff() -> f64 {
+    1e-4
 }
 
 impl SoftmaxOptions {
@@ -66,8 +80,8 @@ impl SoftmaxOptions {
         Self {
             sigma,
             gamma,
-            epsilon: 1e-3,
-            cutoff: 1e-4,
+            epsilon: epsilon(),
+            cutoff: cutoff(),
             brute_force: false,
             bounds: None,
         }
@@ -190,13 +204,6 @@ impl Visibility {
 
     pub(crate) fn is_softmax(&self) -> bool {
         self.softmax_options().is_some()
-    }
-
-    /// Sets the half-angle of cones.
-    pub(crate) fn set_angle(&mut self, half_angle: f64) {
-        if let Self::Cone { angle, .. } = self {
-            *angle = half_angle;
-        }
     }
 
     pub(crate) fn check(&self) -> Result<()> {

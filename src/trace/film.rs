@@ -97,7 +97,7 @@ impl FilmPoint {
     }
 
     /// Adds the derivatives due to the jump from one side to the other of a loss that depends on what is seen.
-    /// Returns the squared length of the derivative with respect to the edge's point.
+    /// Returns the largest component of the derivative with respect to the edge's point.
     #[inline(always)]
     pub fn backward(&self, scene: &Scene, sums: &Sums, c: &Camera, jump: f32, time: f32) -> f32 {
         let mut by_camera = CameraGradient::default();
@@ -112,6 +112,6 @@ impl FilmPoint {
             add_to_camera(sums, &by_camera);
         }
         add_to_edge(scene, sums, &self.point, by_point, time);
-        by_point.length_squared()
+        by_point.abs().max_element()
     }
 }

@@ -132,7 +132,7 @@ impl EdgeView {
         found
     }
 
-    /// Adds the derivatives with respect to the edge's point and the point that sees it. Returns the squared length
+    /// Adds the derivatives with respect to the edge's point and the point that sees it. Returns the largest component
     /// of the derivative with respect to the edge's point.
     #[inline(always)]
     fn backward(
@@ -145,16 +145,16 @@ impl EdgeView {
         time: f32,
         by: &mut PointGradient,
     ) -> f32 {
-        let mut square = 0.0f32;
+        let mut largest = 0.0f32;
         if is_nonzero(scale) {
             let normal = o.point.shading.geometric;
             let p = self.point;
             let by_to = jump.motion.by_point(p.to, normal, scale, &mut by.geometric);
             by.position -= by_to;
             add_to_edge(scene, sums, &p, by_to, time);
-            square = by_to.length_squared();
+            largest = by_to.abs().max_element();
         }
-        square
+        largest
     }
 }
 
@@ -240,7 +240,7 @@ pub(crate) fn jump_at(scene: &Scene, o: &Observer, s: &Search, e: &EdgeView, k: 
     jump
 }
 
-/// Adds the derivatives due to the jump of an emitter's light, after the ray found no occluder. Returns the squared
+/// Adds the derivatives due to the jump of an emitter's light, after the ray found no occluder. Returns the largest
 /// length of the derivative with respect to the edge's point.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]
@@ -277,7 +277,7 @@ pub(crate) fn shadow_backward(
 }
 
 /// Adds the derivatives due to the jump of reflected light or of the environment's light. `light` is the quantities
-/// seen on the − side of the edge minus those on the + side. Returns the squared length of the derivative with
+/// seen on the − side of the edge minus those on the + side. Returns the largest component of the derivative with
 /// respect to the edge's point.
 #[cfg_attr(feature = "wgpu", cube)]
 #[inline(always)]

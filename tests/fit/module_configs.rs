@@ -60,6 +60,13 @@ fn renderers_and_configurations() {
     );
     fails(options.clone().samples(0), "samples is 0");
     fails(RenderOptions::new(0, 6), "width is 0");
+    let mut blurred = options.clone();
+    blurred.blur = Some(2.0);
+    fails(blurred, "blur angle is 2");
+    let few =
+        r#"{"width": 4, "height": 4, "visibility": {"Softmax": {"sigma": 0.1, "gamma": 0.2}}}"#;
+    let few: RenderOptions = serde_json::from_str(few).expect("options");
+    assert_eq!(few.visibility, Visibility::softmax(0.1, 0.2));
     let half = SoftmaxOptions::new(1e-3, 1e-3).cutoff(2.0);
     fails(options.clone().visibility(half), "cutoff is 2");
     fails(

@@ -215,6 +215,8 @@ fn finished_fits_continue_with_more_steps() {
     fit(10).folder(&folder).run(bowl).expect("a fit");
     let more = fit(25).folder(&folder).run(bowl).expect("a fit");
     assert_eq!((more.resumed, more.history.rows.len()), (Some(10), 25));
+    let less = fit(20).folder(&folder).run(bowl);
+    assert!(message(less).contains("steps is 20, expected at least 25"));
     let whole = fit(25).run(bowl).expect("a fit");
     assert_eq!(place(&more.module), place(&whole.module));
 }
@@ -225,15 +227,13 @@ fn groups_have_rates_of_their_own() {
     let at = || point(&[0.5, -1.0]);
     let fit = || Fit::new(at(), SgdConfig::new().init(), 3).progress(false);
     let moved = |fit: Fit<Point>| place(&fit.run(bowl).expect("a fit").module);
-    let others = ParamGroup::from_path("nowhere");
-    assert_eq!(moved(fit()), moved(fit().rate_of(others, 0.7)));
+    let other = fit().rate_of(ParamGroup::from_path("nowhere"), 0.7);
+    assert_eq!(moved(fit()), moved(other));
     let own = || ParamGroup::from_path("at");
     assert_eq!(moved(fit().rate(0.3)), moved(fit().rate_of(own(), 0.3)));
-    // The last group counts.
     let twice = fit().rate_of(ParamGroup::all(), 0.7).rate_of(own(), 0.3);
     assert_eq!(moved(fit().rate(0.3)), moved(twice));
-    let negative = fit().rate_of(own(), -1.0).run(bowl);
-    assert!(message(negative).contains("rate is -1"));
+    assert!(message(fit().rate_of(own(), -1.0).run(bowl)).contains("rate is -1"));
 }
 
 /// Bytes that changed, in any file of a checkpoint: the one before it serves, and the fit ends the same.

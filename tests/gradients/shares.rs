@@ -38,6 +38,27 @@ fn in_a_mirror(adaptive: bool, seeds: u64) -> Vec<f64> {
     (0..seeds).into_par_iter().map(of_seed).collect()
 }
 
+/// A loss of few pixels has none that could measure the others: the usual numbers are taken.
+#[test]
+fn losses_of_few_pixels_take_the_usual_numbers() {
+    let device = Device::flex();
+    let (room, camera) = cornell_box(&device);
+    let derivative = |adaptive| {
+        let offset = leaf(&[0.0; 3], &device);
+        let moved = |o: Object| o.map_mesh(|m| m.translated(offset.clone()));
+        let room = room.clone().map_object("tall", moved).expect("a block");
+        let options = RenderOptions::new(16, 16)
+            .samples(8192)
+            .bounces(0)
+            .adaptive_edges(adaptive);
+        let image = render_pixels(&room, &camera, &options, &[102, 103]).expect("pixels");
+        gradient(&offset, &image.radiance.sum().backward())
+    };
+    let usual = derivative(false);
+    assert!(usual.iter().any(|g| g.abs() > 1e-3), "{usual:?}");
+    assert_eq!(usual, derivative(true));
+}
+
 /// What goes to edges of shadows and on the film, of which there are none, goes to reflected ones, and the mean stays.
 #[test]
 fn more_samples_where_the_noise_is() {

@@ -102,8 +102,8 @@ fn backward<'a>(
             let jump = g.jump(light);
             let scale = jump * point.point.per_density;
             if scale.is_finite() && scale != 0.0 {
-                let square = point.backward(&view.lists, sums, &view.camera, jump, path.time);
-                squares += f64::from(square);
+                let largest = point.backward(&view.lists, sums, &view.camera, jump, path.time);
+                squares += f64::from(largest).powi(2);
             }
         }
     }

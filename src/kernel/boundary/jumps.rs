@@ -241,8 +241,8 @@ fn shadows_backward<'a>(
         if hit.triangle == NOTHING {
             let (o, s, by) = (&f.observer, &f.search, &mut back.points[f.lane]);
             let (lists, sums, time) = (&to.lists, to.sums, ray.time);
-            let square = shadow_backward(lists, sums, o, s, &f.view, &f.jump, time, by);
-            squares += f64::from(square);
+            let largest = shadow_backward(lists, sums, o, s, &f.view, &f.jump, time, by);
+            squares += f64::from(largest).powi(2);
         }
     }
     squares
@@ -263,8 +263,8 @@ fn reflections_backward<'a>(
         if let Some(light) = light {
             let (o, s, by) = (&f.observer, &f.search, &mut back.points[f.lane]);
             let (lists, sums, time) = (&to.lists, to.sums, path.time);
-            let square = reflected_backward(lists, sums, o, s, &f.view, &f.jump, light, time, by);
-            squares += f64::from(square);
+            let largest = reflected_backward(lists, sums, o, s, &f.view, &f.jump, light, time, by);
+            squares += f64::from(largest).powi(2);
         }
     }
     squares

@@ -1,6 +1,6 @@
 //! Checks of a fit before its first step, and of the loss and the gradients of a step.
 
-use burn::module::{Module, ModuleVisitor, Param};
+use burn::module::{Module, ModuleVisitor, Param, ParamId};
 use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor};
 
@@ -34,30 +34,36 @@ impl<M: Module> Fit<M> {
     }
 
     /// Returns the settings that must match a checkpoint's settings to resume from it.
-    pub(super) fn settings(&self) -> String {
+    pub(super) fn settings(&self) -> Result<String> {
         let Self {
             seed,
             rate,
-            rates,
             blur,
             clip,
             optimizer,
             ..
         } = self;
-        let rates: Vec<String> = rates.iter().map(|(_, rate)| rate.to_string()).collect();
+        let parameters = parameters(&self.module, &GradientsParams::new())?;
+        let own_rate = |p: &Found| {
+            let mut own = self.rates.iter().rev();
+            let (_, rate) = own.find(|(group, _)| group.matches(&p.id, Some(&p.path)))?;
+            Some(format!("{} {rate}", p.path))
+        };
+        let rates: Vec<String> = parameters.iter().filter_map(own_rate).collect();
         let rates = rates.join(", ");
         let blur = blur.as_ref().map_or("none".into(), Blur::to_string);
         let clip = clip.map_or("none".into(), |norm| norm.to_string());
         let optimizer = fingerprint(optimizer);
-        format!(
+        Ok(format!(
             "seed {seed}\nrate {rate}\ngroups' rates {rates}\nblur {blur}\nclip {clip}\n\
              optimizer (steps of a test) {optimizer}\n"
-        )
+        ))
     }
 }
 
 /// A parameter of a module.
 struct Found {
+    id: ParamId,
     path: String,
     /// The device, if it does not record gradients.
     plain: Option<Device>,
@@ -92,6 +98,7 @@ impl ModuleVisitor for Parameters<'_> {
                 let (tensor, path) = (param.base(), self.path.join("."));
                 let records = tensor.is_autodiff();
                 found.push(Found {
+                    id: param.id,
                     path,
                     plain: (!records).then(|| tensor.device()),
                     frozen: records && !tensor.is_require_grad(),

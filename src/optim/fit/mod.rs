@@ -184,9 +184,11 @@ impl<M: Module> Fit<M> {
     }
 
     /// Writes `history.csv`, `history.png` and checkpoints to a folder, and resumes from the newest complete
-    /// checkpoint in it. With a larger number of steps, a finished fit continues where it ended. [`Fit::run`]
-    /// returns an error if the checkpoint has other settings (except for the number of steps), another process is
-    /// fitting in the folder, or all checkpoints are damaged.
+    /// checkpoint in it. [`Fit::run`] returns an error if the checkpoint has other settings, another process is
+    /// fitting in the folder, or all checkpoints are damaged. Settings of optimizers of groups are not compared.
+    ///
+    /// With a larger number of steps, a finished fit continues where it ended. A [`Rate`] depends on the share of the
+    /// steps that are done, so a falling rate rises again first. A blur schedule must be the same.
     pub fn folder(mut self, folder: impl AsRef<Path>) -> Self {
         self.folder = Some(folder.as_ref().into());
         self

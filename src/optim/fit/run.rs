@@ -70,7 +70,7 @@ impl<M: Module> Run<M> {
         }
         // Only checkpoints use the settings.
         let settings = fit.folder.as_ref().map(|_| fit.settings());
-        let settings = settings.unwrap_or_default();
+        let settings = settings.transpose()?.unwrap_or_default();
         let mut progress = Progress::new(fit.progress, fit.steps);
         let mut warn = |warning| progress.warn(warning);
         let restart = fit.restart;
@@ -83,7 +83,10 @@ impl<M: Module> Run<M> {
         if let Some(newest) = newest.transpose()?.flatten() {
             (fit.module, fit.optimizer) = newest.load(fit.module, fit.optimizer)?;
             history = newest.history;
-            resumed = Some(history.rows.len());
+            let (steps, done) = (fit.steps, history.rows.len());
+            let expected = format!("at least {done}, which the checkpoint has");
+            Error::unless(done <= steps, "fit", "steps", steps, &expected)?;
+            resumed = Some(done);
         }
         // Blur that depends on the loss is restored from the losses so far.
         for row in &history.rows {

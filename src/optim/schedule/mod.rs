@@ -23,9 +23,9 @@ const OBJECT: &str = "blur schedule";
 ///
 /// It falls by the same factor at every step ([`BlurSchedule::decay`]) or slowly at both ends
 /// ([`BlurSchedule::cosine`]). The value is an argument for
-/// [`RenderOptions::blur`](crate::render::RenderOptions::blur): the half-angle of cones in radians (or σ of the
-/// softmax in scene units squared). A larger value lets gradients point to the target from further away, but
-/// biases the image more. A fit therefore starts with a large value and ends with a small one.
+/// [`RenderOptions::blur`](crate::render::RenderOptions::blur): the half-angle of cones in radians. For the softmax,
+/// pass it to [`SoftmaxOptions::sigma`](crate::render::SoftmaxOptions::sigma). A larger value lets gradients
+/// point to the target from further away, but biases the image more. A fit therefore starts with a large value and ends with a small one.
 ///
 /// ```
 /// use softray::prelude::*;

@@ -29,6 +29,8 @@ const VIEWS_AT_ONCE: usize = 16;
 const FIRST: u32 = 8;
 /// The minimum number of paths for this measurement.
 const LEAST_PATHS: u64 = 8192;
+/// The least number of pixels that go first.
+const LEAST_FIRST: usize = 64;
 /// One film edge sample in this many is drawn first, for the measurement. It is not part of the result.
 const FIRST_ON_FILM: u32 = 32;
 
@@ -158,8 +160,12 @@ impl Backward {
         };
         let film = &asked.film;
         let mut shares = [1.0; 3];
-        if self.shares && jumps && asked.paths >= LEAST_PATHS {
-            let first = |pixel: u32| hashed(pixel).is_multiple_of(FIRST);
+        let first = |pixel: u32| hashed(pixel).is_multiple_of(FIRST);
+        let counted = upstream
+            .iter()
+            .filter(|(p, g)| first(*p) && *g != Seen::default());
+        let enough = asked.paths >= LEAST_PATHS && counted.count() >= LEAST_FIRST;
+        if self.shares && jumps && enough {
             let mut yields = of_pixels(usual, &first).times(f64::from(FIRST));
             if let Some(film) = film {
                 yields += film.first(view).times(f64::from(FIRST_ON_FILM));

@@ -124,7 +124,7 @@ fn pack(
 /// Makes the views of a batch. With `interior`, the backward pass computes interior and boundary terms, otherwise only
 /// boundary terms.
 pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) -> Result<Prepared> {
-    let Visibility::Cone { angle, pixels } = options.visibility else {
+    let Visibility::Cone { angle, pixels } = options.form() else {
         unreachable!("the softmax is for tensors");
     };
     let last = options.cache.clone().unwrap_or_default();

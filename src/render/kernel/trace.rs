@@ -64,12 +64,15 @@ pub(super) type Jobs = std::convert::Infallible;
 impl Pass<'_> {
     /// Returns the rows of all pixels of all views with the counts, and the jobs if a GPU ran them.
     pub fn trace(&self, with_gradient: bool) -> Result<(Images, Option<Jobs>)> {
-        let all = self.together(0..self.views.len(), self.options.cache.as_ref());
-        if with_gradient && let Some((index, passes)) = self.options.pass {
+        if with_gradient
+            && let Some((index, passes)) = self.options.pass
+            && passes > 1
+        {
             let value = format!("{index} of {passes}");
             let expected = "none, since the image has gradients";
             return Err(Error::invalid("options", "pass", value, expected));
         }
+        let all = self.together(0..self.views.len(), self.options.cache.as_ref());
         let share = self.share(self.options.sample_range());
         #[cfg(feature = "wgpu")]
         let jobs = self.on_gpu().then(|| self.jobs(&all, &share));

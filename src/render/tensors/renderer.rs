@@ -258,7 +258,7 @@ fn sight(
             hierarchy_of(&scene.triangles, &cache.scenes(1)[0].boxes)
         }
     };
-    match options.visibility.form(scene.unit) {
+    match options.form().form(scene.unit) {
         VisibilityForm::Cones { angle, pixels } => {
             let half_height = camera.half_height()?;
             let least = options.blur.map_or(0.0, f64::tan);
