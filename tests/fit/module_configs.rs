@@ -60,7 +60,7 @@ fn renderers_and_configurations() {
     );
     fails(options.clone().samples(0), "samples is 0");
     fails(RenderOptions::new(0, 6), "width is 0");
-    let mut blurred = options.clone();
+    let mut blurred = options.clone().visibility(Visibility::cone(0.0));
     blurred.blur = Some(2.0);
     fails(blurred, "blur angle is 2");
     let few =
