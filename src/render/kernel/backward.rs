@@ -30,7 +30,7 @@ const FIRST: u32 = 8;
 /// The minimum number of paths for this measurement.
 const LEAST_PATHS: u64 = 8192;
 /// The least number of pixels that go first.
-const LEAST_FIRST: usize = 64;
+const LEAST_FIRST: usize = 32;
 /// One film edge sample in this many is drawn first, for the measurement. It is not part of the result.
 const FIRST_ON_FILM: u32 = 32;
 
