@@ -40,6 +40,7 @@ impl Step {
             .samples(self.samples)
             .bounces(1)
             .seed(k as u64)
+            .adaptive_edges(false)
             .cache(&world.cache);
         let scale = 1.0 + 1e-4 * k as f64;
         let parameter = (world.parameter.clone() * scale).autodiff().require_grad();
