@@ -13,8 +13,8 @@ const KINDS: usize = 3;
 /// The variance of a sum of samples of a kind, divided by the sum of their squares. Samples on the film are spread
 /// evenly over all edges there.
 const VARIANCE: [f64; KINDS] = [1.0, 1.0, 0.1];
-/// The cost of a search for an edge of each kind, in units of one ray of light beside edges.
-const SEARCH: [f64; KINDS] = [3.0, 3.0, 0.0];
+/// The cost of a search for an edge, in rays of light beside edges.
+pub(super) const SEARCH: f64 = 3.0;
 /// The cost of a ray of a path, in the image and in the backward pass, in the same unit.
 const PATH: f64 = 0.65;
 /// Time for edges divided by time for paths; the second value applies where a pixel has few samples.
@@ -32,15 +32,14 @@ const STEPS: f64 = 4.0;
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Yield {
     pub squares: f64,
-    pub rays: f64,
-    pub searches: f64,
+    /// In rays of light beside edges.
+    pub cost: f64,
 }
 
 impl Yield {
-    /// Adds squares of derivatives, and rays.
-    pub fn add(&mut self, squares: f64, rays: f64) {
+    pub fn add(&mut self, squares: f64, cost: f64) {
         self.squares += squares;
-        self.rays += rays;
+        self.cost += cost;
     }
 }
 
@@ -56,9 +55,7 @@ impl AddAssign for Yields {
     fn add_assign(&mut self, other: Self) {
         self.paths += other.paths;
         for (own, other) in self.edges.iter_mut().zip(other.edges) {
-            own.squares += other.squares;
-            own.rays += other.rays;
-            own.searches += other.searches;
+            own.add(other.squares, other.cost);
         }
     }
 }
@@ -69,8 +66,7 @@ impl Yields {
         self.paths *= factor;
         for of in &mut self.edges {
             of.squares *= factor;
-            of.rays *= factor;
-            of.searches *= factor;
+            of.cost *= factor;
         }
         self
     }
@@ -81,8 +77,7 @@ impl Yields {
     /// m. At a given total cost, the variance is least if m is proportional to √(squares / cost).
     pub fn shares(&self, samples_log: u32) -> [f32; KINDS] {
         let edges = &self.edges;
-        let cost = |kind: usize| edges[kind].rays + SEARCH[kind] * edges[kind].searches;
-        let weight = |kind: usize| (VARIANCE[kind] * edges[kind].squares * cost(kind)).sqrt();
+        let weight = |kind: usize| (VARIANCE[kind] * edges[kind].squares * edges[kind].cost).sqrt();
         let sum: f64 = (0..KINDS).map(weight).sum();
         if !(sum > 0.0 && sum.is_finite() && self.paths > 0.0) {
             return [1.0; KINDS];
@@ -91,7 +86,7 @@ impl Yields {
         let over = if few { OVER_FEW_PATHS } else { OVER_PATHS };
         let all = over * PATH * self.paths;
         std::array::from_fn(|kind| {
-            let share = all * weight(kind) / (sum * cost(kind));
+            let share = all * weight(kind) / (sum * edges[kind].cost);
             let share = if share.is_nan() { 1.0 } else { share };
             let steps = (share.clamp(FEWEST, MOST).log2() * STEPS).round();
             (steps / STEPS).exp2() as f32
@@ -106,13 +101,12 @@ mod tests {
     const MANY: u32 = FEW_SAMPLES + 1;
 
     /// Values for which the usual number of samples takes exactly the time for edges.
-    fn yields(variances: [f64; KINDS], rays: [f64; KINDS]) -> Yields {
+    fn yields(variances: [f64; KINDS], costs: [f64; KINDS]) -> Yields {
         let edges = std::array::from_fn(|kind| Yield {
             squares: variances[kind] / VARIANCE[kind],
-            rays: rays[kind],
-            searches: 0.0,
+            cost: costs[kind],
         });
-        let paths = rays.iter().sum::<f64>() / (OVER_PATHS * PATH);
+        let paths = costs.iter().sum::<f64>() / (OVER_PATHS * PATH);
         Yields { paths, edges }
     }
 
@@ -143,13 +137,13 @@ mod tests {
         assert!(shares[SHADOWS] > 2.0, "{shares:?}");
         assert_eq!(shares[REFLECTED], FEWEST as f32);
         assert_eq!(shares[ON_FILM], FEWEST as f32);
-        for (squares, rays) in [
+        for (squares, cost) in [
             (0.0, 30.0),
             (f64::NAN, 30.0),
             (f64::INFINITY, 1.0),
             (0.0, 0.0),
         ] {
-            let shares = yields([squares; KINDS], [rays; KINDS]).shares(MANY);
+            let shares = yields([squares; KINDS], [cost; KINDS]).shares(MANY);
             assert_eq!(shares, [1.0; KINDS], "{squares}");
         }
     }

@@ -133,9 +133,7 @@ impl View {
             let paths = (&*asked.paths, &*asked.cones);
             let rays = light_beside(&tracer, &asked.approaches, paths, Some(0), true, work);
             let squares = backward(&tracer, &asked, work, &sums);
-            let of = &mut work.yields.edges[FILM];
-            of.add(squares, rays);
-            of.searches += f64::from(past - from);
+            work.yields.edges[FILM].add(squares, rays);
         }
     }
 }

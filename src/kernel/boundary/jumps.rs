@@ -8,7 +8,7 @@ use crate::kernel::backward::Return;
 use crate::kernel::edges::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
 use crate::kernel::eights::Eight;
 use crate::kernel::path::drawn_by;
-use crate::kernel::shares::{REFLECTED, SHADOWS};
+use crate::kernel::shares::{REFLECTED, SEARCH, SHADOWS};
 use crate::kernel::walk::{Back, Level, Path, Work};
 use crate::lanes::{LANES, Record};
 use crate::model::choice::{Uniform, decided_by};
@@ -143,7 +143,7 @@ fn find_jumps<'a>(
                 if !looks_for_edges(&to.lists, bounce, chance, of_light, pick) {
                     continue;
                 }
-                work.yields.edges[kind].searches += 1.0;
+                work.yields.edges[kind].cost += SEARCH;
                 let drawn = match of_light {
                     true => stream(lane).numbers(set(0)),
                     false => more,
