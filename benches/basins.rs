@@ -73,10 +73,10 @@ macro_rules! sweep {
                 let mut largest = 0.0f64;
                 for seed in 0..$arguments.seeds {
                     let fit = Fit::new(problem.start(start), adam(), $arguments.steps)
-                        .rate(Rate::exponential($rate, 0.1 * $rate))
-                        .blur(schedule.clone())
-                        .seed(seed)
-                        .progress(false);
+                        .with_rate(Rate::exponential($rate, 0.1 * $rate))
+                        .with_blur(schedule.clone())
+                        .with_seed(seed)
+                        .with_progress(false);
                     let error = end(fit, |m, s| problem.evaluate(m, s), |m| problem.error(m));
                     largest = largest.max(error);
                 }
@@ -155,12 +155,12 @@ fn draw(arguments: &Arguments, sweeps: &[Sweep]) -> Result<(), Failure> {
     use softray::figure::{Figure, Plot};
     let mut figure = Figure::new("Error at the end over the distance at the start");
     for sweep in sweeps {
-        let mut plot = Plot::new(sweep.name, sweep.unit, "").log();
+        let mut plot = Plot::new(sweep.name, sweep.unit, "").with_log_scale();
         for ((wide, narrow), errors) in SCHEDULES.iter().zip(&sweep.errors) {
             let points = sweep.starts.iter().copied().zip(errors.iter().copied());
-            plot = plot.curve(format!("{wide} → {narrow} px"), points);
+            plot = plot.with_curve(format!("{wide} → {narrow} px"), points);
         }
-        figure = figure.plot(plot.line("arrived", ARRIVED * sweep.starts[0]));
+        figure = figure.with_plot(plot.with_line("arrived", ARRIVED * sweep.starts[0]));
     }
     std::fs::create_dir_all(&arguments.out)?;
     let path = arguments.out.join("basins.png");

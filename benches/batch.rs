@@ -32,9 +32,9 @@ fn world(level: u32, items: usize) -> World {
     let [a, b, c, d] = corners;
     let lamp = Object::new(shapes::quad(a, b, c, d, &device));
     let scene = Scene::new()
-        .with(Object::new(ball.clone()).named("body"))
-        .with(lamp.material(Material::emitter([8.0; 3])))
-        .environment([0.4; 3]);
+        .with_object(Object::new(ball.clone()).with_name("body"))
+        .with_object(lamp.with_material(Material::emitter([8.0; 3])))
+        .with_environment([0.4; 3]);
     let widths: Vec<f32> = (0..items)
         .map(|i| 0.7 + 0.5 * i as f32 / items as f32)
         .collect();
@@ -43,7 +43,7 @@ fn world(level: u32, items: usize) -> World {
     let camera = |i: usize| {
         let angle = i as f64;
         let eye = [4.0 * angle.sin(), 1.0, 4.0 * angle.cos()];
-        Camera::look_at(eye, [0.0; 3]).fov_y(40.0)
+        Camera::look_at(eye, [0.0; 3]).with_fov_y(40.0)
     };
     World {
         scene,
@@ -131,14 +131,18 @@ fn main() {
     ] {
         let (items, level, size, samples) = setting;
         let world = world(level, items);
-        let options = RenderOptions::new(size, size).samples(samples).bounces(0);
+        let options = RenderOptions::new(size, size)
+            .with_samples(samples)
+            .with_bounces(0);
         let times = least(|| [batch(&world, &options), one_by_one(&world, &options)]);
         row("deformed template, forward + backward", setting, times);
     }
     for setting in [(16, 3, 32, 1), (16, 5, 32, 1)] {
         let (items, level, size, samples) = setting;
         let world = world(level, items);
-        let options = RenderOptions::new(size, size).samples(samples).bounces(0);
+        let options = RenderOptions::new(size, size)
+            .with_samples(samples)
+            .with_bounces(0);
         let times = least(|| views(&world, &options));
         row("one scene, many cameras, forward", setting, times);
     }

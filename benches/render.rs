@@ -16,7 +16,9 @@ fn cornell(device: &Device) -> SceneFile {
 }
 
 fn options(bounces: u32) -> RenderOptions {
-    RenderOptions::new(64, 64).samples(4).bounces(bounces)
+    RenderOptions::new(64, 64)
+        .with_samples(4)
+        .with_bounces(bounces)
 }
 
 fn rays(scene: &Scene, camera: &Camera, options: &RenderOptions) -> u64 {
@@ -66,10 +68,10 @@ fn icosphere(bencher: Bencher, subdivisions: u32) {
     let device = Device::flex();
     let ball = shapes::icosphere(subdivisions, &device);
     let scene = Scene::new()
-        .with(Object::new(ball).material(Material::diffuse([0.7; 3])))
-        .environment([1.0; 3]);
-    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_y(40.0);
-    let options = RenderOptions::new(32, 32).samples(4).bounces(0);
+        .with_object(Object::new(ball).with_material(Material::diffuse([0.7; 3])))
+        .with_environment([1.0; 3]);
+    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).with_fov_y(40.0);
+    let options = RenderOptions::new(32, 32).with_samples(4).with_bounces(0);
     bencher
         .counter(ItemsCount::new(rays(&scene, &camera, &options)))
         .bench(|| render(&scene, &camera, &options).expect("an image"));

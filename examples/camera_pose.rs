@@ -27,13 +27,13 @@ const START_TARGET: [f64; 3] = [0.3, 0.75, 0.0];
 fn scene(device: &Device) -> Scene {
     let block = |size: [f64; 3], place: [f64; 3], degrees: f64, color: [f64; 3]| {
         let pose = Transform::new()
-            .scale(Tensor::from_floats(size.map(|s| 0.5 * s), device))
-            .axis_angle(
+            .with_scale(Tensor::from_floats(size.map(|s| 0.5 * s), device))
+            .with_axis_angle(
                 [0.0, 1.0, 0.0],
                 Tensor::from_floats([degrees.to_radians()], device),
             )
-            .translation(Tensor::from_floats(place, device));
-        Object::new(shapes::cube(device).transformed(&pose)).material(Material::diffuse(color))
+            .with_translation(Tensor::from_floats(place, device));
+        Object::new(shapes::cube(device).transformed(&pose)).with_material(Material::diffuse(color))
     };
     let floor = shapes::quad(
         [-2.0, 0.0, 2.0],
@@ -43,27 +43,27 @@ fn scene(device: &Device) -> Scene {
         device,
     );
     Scene::new()
-        .with(Object::new(floor).material(Material::diffuse([0.35, 0.35, 0.4])))
-        .with(block(
+        .with_object(Object::new(floor).with_material(Material::diffuse([0.35, 0.35, 0.4])))
+        .with_object(block(
             [0.8, 1.2, 0.8],
             [-0.7, 0.6, -0.3],
             25.0,
             [0.8, 0.25, 0.2],
         ))
-        .with(block(
+        .with_object(block(
             [0.7, 0.7, 0.7],
             [0.6, 0.35, 0.4],
             -15.0,
             [0.2, 0.6, 0.3],
         ))
-        .with(block(
+        .with_object(block(
             [1.4, 0.3, 0.4],
             [0.3, 0.15, -1.0],
             10.0,
             [0.85, 0.7, 0.2],
         ))
-        .with(Object::new(ball(device)).material(Material::diffuse([0.2, 0.35, 0.8])))
-        .environment([0.9, 0.95, 1.0])
+        .with_object(Object::new(ball(device)).with_material(Material::diffuse([0.2, 0.35, 0.8])))
+        .with_environment([0.9, 0.95, 1.0])
 }
 
 /// Returns the point on the view axis at the distance of the target. All points on this axis give the same camera.
@@ -93,15 +93,15 @@ pub(crate) struct Posed {
 }
 
 fn camera(eye: Tensor<1>, target: Tensor<1>) -> Camera {
-    Camera::look_at(eye, target).fov_y(38.0)
+    Camera::look_at(eye, target).with_fov_y(38.0)
 }
 
 impl Posed {
     pub(crate) fn new(size: usize, device: &Device) -> Result<Self, Failure> {
         let scene = scene(device);
-        let options = RenderOptions::new(size, size).bounces(0);
-        let goal = Camera::look_at(EYE, TARGET).fov_y(38.0);
-        let sharp = options.clone().samples(1024).seed(1 << 50);
+        let options = RenderOptions::new(size, size).with_bounces(0);
+        let goal = Camera::look_at(EYE, TARGET).with_fov_y(38.0);
+        let sharp = options.clone().with_samples(1024).with_seed(1 << 50);
         let target = render(&scene, &goal, &sharp)?.radiance;
         Ok(Self {
             size,
@@ -120,7 +120,7 @@ impl Posed {
     }
 
     fn goal(&self) -> Camera {
-        Camera::look_at(EYE, TARGET).fov_y(38.0)
+        Camera::look_at(EYE, TARGET).with_fov_y(38.0)
     }
 }
 
@@ -155,15 +155,15 @@ impl Problem for Posed {
 
     fn evaluate(&self, pose: &Pose, step: &Step) -> softray::Result<Evaluation> {
         let camera = camera(pose.eye.val(), pose.target.val());
-        let few = self.options.clone().samples(8);
+        let few = self.options.clone().with_samples(8);
         let see = |k| render(&self.scene, &camera, &step.options(&few, k));
         let (a, b) = (see(0)?.radiance, see(1)?.radiance);
         let loss = loss::multi_scale_unbiased(a.clone(), b, self.target.clone(), 4);
         Ok(Evaluation::new(loss)
-            .value("eye", distance(&numbers(&pose.eye.val()), &EYE))
-            .value("target", distance(&aim(pose), &TARGET))
-            .image("render", a)
-            .target("render", self.target.clone()))
+            .with_value("eye", distance(&numbers(&pose.eye.val()), &EYE))
+            .with_value("target", distance(&aim(pose), &TARGET))
+            .with_image("render", a)
+            .with_target("render", self.target.clone()))
     }
 }
 
@@ -189,8 +189,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             posed.start(far(&start)),
             AdamConfig::new().with_beta_2(0.99).init(),
         )
-        .rate(Rate::cosine(0.03))
-        .blur(schedule)
+        .with_rate(Rate::cosine(0.03))
+        .with_blur(schedule)
         .run(|pose: &Pose, step: &_| posed.evaluate(pose, step))?;
 
     let found = both(&fitted.module);
@@ -203,7 +203,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         fitted
             .history
             .plot("distances, scene units", &["eye", "target"])?
-            .log(),
+            .with_log_scale(),
     ];
     let outcome = Outcome {
         errors: [far(&start), far(&found)],

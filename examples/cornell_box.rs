@@ -60,10 +60,10 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn picture(arguments: &Arguments, file: &SceneFile, data: &Path) -> Result<(), Box<dyn Error>> {
     let (bar, progress) = common::render_progress("rendering");
     let options = RenderOptions::new(arguments.size, arguments.size)
-        .samples(arguments.spp)
-        .bounces(arguments.bounces)
-        .blur(arguments.angle)
-        .progress(progress);
+        .with_samples(arguments.spp)
+        .with_bounces(arguments.bounces)
+        .with_blur(arguments.angle)
+        .with_progress(progress);
     let start = Instant::now();
     let image = render(&file.scene, &file.camera, &options)?;
     let host = HostImage::from_tensor(&image.radiance)?;
@@ -115,8 +115,8 @@ fn turned(file: &SceneFile, angle: &Tensor<1>) -> softray::Result<Scene> {
         object.map_mesh(|mesh| {
             let center = mesh.vertices.clone().mean_dim(0).reshape([3]);
             let turn = Transform::new()
-                .axis_angle([0.0, 1.0, 0.0], angle.clone())
-                .translation(center.clone());
+                .with_axis_angle([0.0, 1.0, 0.0], angle.clone())
+                .with_translation(center.clone());
             mesh.translated(center.neg()).transformed(&turn)
         })
     })
@@ -131,19 +131,22 @@ fn both<T: Send>(f: impl Fn(usize) -> softray::Result<T> + Sync) -> softray::Res
 fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), Box<dyn Error>> {
     const SIZE: usize = 48;
     let options = RenderOptions::new(SIZE, SIZE)
-        .bounces(1)
-        .blur(arguments.fit_angle);
+        .with_bounces(1)
+        .with_blur(arguments.fit_angle);
     let sharp = RenderOptions::new(128, 128)
-        .bounces(1)
-        .blur(arguments.angle)
-        .samples(64);
+        .with_bounces(1)
+        .with_blur(arguments.angle)
+        .with_samples(64);
     let show = |radians: f64, options: &RenderOptions| -> Result<HostImage, Box<dyn Error>> {
         let angle = Tensor::<1>::from_floats([radians as f32], device);
         let image = render(&turned(file, &angle)?, &file.camera, options)?;
         Ok(HostImage::from_tensor(&image.radiance)?)
     };
     let start = Instant::now();
-    let target_image = show(0.0, &options.clone().samples(2048).seed(1_000_000))?;
+    let target_image = show(
+        0.0,
+        &options.clone().with_samples(2048).with_seed(1_000_000),
+    )?;
     let target = target_image.clone().into_tensor(device).clamp(0.0, 1.0);
 
     let initial = [arguments.degrees.to_radians() as f32];
@@ -160,7 +163,7 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
         let leaves = [0; 2].map(|_| angle.val().inner().autodiff().require_grad());
         let differences = both(|i| {
             let seed = arguments.seed + (2 * step + i) as u64;
-            let noisy = options.clone().samples(8).seed(seed);
+            let noisy = options.clone().with_samples(8).with_seed(seed);
             let image = render(&turned(file, &leaves[i])?, &file.camera, &noisy)?;
             Ok(image.radiance.clamp(0.0, 1.0) - target.clone())
         })?;

@@ -29,13 +29,13 @@ fn scene(offset: Tensor<1>, device: &Device) -> Scene {
         Object::new(shapes::quad(a, b, c, d, device))
     };
     Scene::new()
-        .with(square(3.0, -1.0, false).material(Material::diffuse([0.6, 0.6, 0.6])))
-        .with(square(0.8, 4.0, true).material(Material::emitter([16.0, 16.0, 16.0])))
-        .with(
+        .with_object(square(3.0, -1.0, false).with_material(Material::diffuse([0.6, 0.6, 0.6])))
+        .with_object(square(0.8, 4.0, true).with_material(Material::emitter([16.0, 16.0, 16.0])))
+        .with_object(
             Object::new(shapes::icosahedron(device).translated(offset))
-                .material(Material::diffuse([0.75, 0.55, 0.35])),
+                .with_material(Material::diffuse([0.75, 0.55, 0.35])),
         )
-        .environment([0.15, 0.18, 0.22])
+        .with_environment([0.15, 0.18, 0.22])
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
@@ -43,11 +43,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
     let start = Instant::now();
     let size = arguments.either(32, 96);
     let samples = arguments.either(64, 128);
-    let camera = Camera::look_at([0.0, 1.4, 5.0], [0.0, 0.0, 0.0]).fov_y(38.0);
-    let options = RenderOptions::new(size, size).bounces(0).samples(samples);
+    let camera = Camera::look_at([0.0, 1.4, 5.0], [0.0, 0.0, 0.0]).with_fov_y(38.0);
+    let options = RenderOptions::new(size, size)
+        .with_bounces(0)
+        .with_samples(samples);
     let at = |x: f64| scene(Tensor::from_floats([x, 0.0, 0.0], &device), &device);
 
-    let image = picture(&at(0.0), &camera, &options.clone().samples(512))?;
+    let image = picture(&at(0.0), &camera, &options.clone().with_samples(512))?;
     // Each pixel is a separate render with its own backward pass.
     let derivative = |pixel: u32| -> softray::Result<f64> {
         let offset = Tensor::zeros([3], &device).autodiff().require_grad();
@@ -68,7 +70,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
 
     // The same derivatives by central differences.
     let h = 0.04;
-    let fine = options.clone().samples(8 * samples);
+    let fine = options.clone().with_samples(8 * samples);
     let [left, right] = [-h, h].map(|x| picture(&at(x), &camera, &fine));
     let (left, right) = (left?, right?);
     let sum = |p: &[f32]| p.iter().map(|&v| f64::from(v)).sum::<f64>();
@@ -85,25 +87,26 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
     let box_size = arguments.either(48, 160);
     let boxed = |angle: f64| {
         let options = RenderOptions::new(box_size, box_size)
-            .samples(arguments.either(32, 256))
-            .bounces(8)
-            .russian_roulette(2)
-            .blur(angle);
+            .with_samples(arguments.either(32, 256))
+            .with_bounces(8)
+            .with_russian_roulette(2)
+            .with_blur(angle);
         picture(&cornell.scene, &cornell.camera, &options)
     };
     let (sharp, soft, wide) = (boxed(0.0)?, boxed(0.02)?, boxed(0.1)?);
 
     let largest = differences.iter().fold(0.0f64, |a, x| a.max(x.abs()));
     let colors = Diverging::new(0.7 * largest)?;
-    let signed =
-        |caption: &str, values: Vec<f64>| Panel::signed(caption, size, size, values).colors(colors);
+    let signed = |caption: &str, values: Vec<f64>| {
+        Panel::signed(caption, size, size, values).with_colors(colors)
+    };
     let figure = Figure::new("Derivatives and blur")
-        .row([
+        .with_row([
             Panel::new("icosahedron", &image),
             signed("∂/∂x", derivatives),
             signed("differences", differences),
         ])
-        .row([
+        .with_row([
             ("cones of 0 radians", &sharp),
             ("0.02 radians", &soft),
             ("0.1 radians", &wide),

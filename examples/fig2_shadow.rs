@@ -66,10 +66,10 @@ impl Problem for Shadow {
         let visibility = Visibility::Cone { angle, pixels: 0.5 };
         let evaluation = self.goal.compare(&scene, step, Some(visibility), 8)?;
         Ok(evaluation
-            .value("x", at[0])
-            .value("y", at[1])
-            .value("z", at[2])
-            .value("distance", self.error(caster)))
+            .with_value("x", at[0])
+            .with_value("y", at[1])
+            .with_value("z", at[2])
+            .with_value("distance", self.error(caster)))
     }
 }
 
@@ -87,8 +87,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             shadow.start(START[0]),
             AdamConfig::new().with_beta_2(0.99).init(),
         )
-        .rate(Rate::exponential(0.06, 0.006))
-        .blur(BlurSchedule::decay(1.15, 0.02, study.steps() * 2 / 3)?)
+        .with_rate(Rate::exponential(0.06, 0.006))
+        .with_blur(BlurSchedule::decay(1.15, 0.02, study.steps() * 2 / 3)?)
         .run(|caster: &Caster, step: &_| shadow.evaluate(caster, step))?;
 
     let found = numbers(&fitted.module.offset.val());
@@ -106,7 +106,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         fitted
             .history
             .plot("distance to the target", &["distance"])?
-            .log(),
+            .with_log_scale(),
     ];
     let outcome = Outcome {
         errors: [START[0], shadow.error(&fitted.module)],

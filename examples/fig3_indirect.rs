@@ -35,13 +35,13 @@ fn scene(angle: &Tensor<1>, device: &Device) -> Scene {
     let light = |x: f64, towards: f64| {
         let z = 0.5 * towards;
         let corners = [[x, 1.6, z], [x, 1.6, -z], [x, 2.2, -z], [x, 2.2, z]];
-        quad(corners).material(Material::emitter([14.0, 14.0, 14.0]))
+        quad(corners).with_material(Material::emitter([14.0, 14.0, 14.0]))
     };
     let turned = angle.clone() + TARGET.to_radians();
     let turn = Transform::new()
-        .scale(Tensor::from_floats([0.5], device))
-        .axis_angle([0.0, 1.0, 0.0], turned)
-        .translation(Tensor::from_floats([0.0, 0.5, 0.0], device));
+        .with_scale(Tensor::from_floats([0.5], device))
+        .with_axis_angle([0.0, 1.0, 0.0], turned)
+        .with_translation(Tensor::from_floats([0.0, 0.5, 0.0], device));
     let floor = quad([
         [-2.0, 0.0, 2.0],
         [2.0, 0.0, 2.0],
@@ -49,27 +49,27 @@ fn scene(angle: &Tensor<1>, device: &Device) -> Scene {
         [-2.0, 0.0, -2.0],
     ]);
     Scene::new()
-        .with(
+        .with_object(
             wall(-1.6)
-                .named("red")
-                .material(Material::diffuse([0.8, 0.05, 0.05])),
+                .with_name("red")
+                .with_material(Material::diffuse([0.8, 0.05, 0.05])),
         )
-        .with(
+        .with_object(
             wall(1.6)
-                .named("green")
-                .material(Material::diffuse([0.05, 0.8, 0.05])),
+                .with_name("green")
+                .with_material(Material::diffuse([0.05, 0.8, 0.05])),
         )
-        .with(
+        .with_object(
             floor
-                .named("floor")
-                .material(Material::diffuse([0.2, 0.2, 0.2])),
+                .with_name("floor")
+                .with_material(Material::diffuse([0.2, 0.2, 0.2])),
         )
-        .with(light(-0.9, -1.0).named("light on red"))
-        .with(light(0.9, 1.0).named("light on green"))
-        .with(
+        .with_object(light(-0.9, -1.0).with_name("light on red"))
+        .with_object(light(0.9, 1.0).with_name("light on green"))
+        .with_object(
             Object::new(shapes::cube(device).transformed(&turn))
-                .named("cube")
-                .material(Material::diffuse([0.85, 0.85, 0.85])),
+                .with_name("cube")
+                .with_material(Material::diffuse([0.85, 0.85, 0.85])),
         )
 }
 
@@ -80,7 +80,7 @@ pub(crate) struct Indirect {
 
 impl Indirect {
     pub(crate) fn new(size: usize, device: &Device) -> Result<Self, Failure> {
-        let camera = Camera::look_at([0.0, 1.3, 3.6], [0.0, 0.6, 0.0]).fov_y(34.0);
+        let camera = Camera::look_at([0.0, 1.3, 3.6], [0.0, 0.6, 0.0]).with_fov_y(34.0);
         let still = scene(&Tensor::zeros([1], device), device);
         Ok(Self {
             device: device.clone(),
@@ -112,7 +112,7 @@ impl Problem for Indirect {
         let scene = scene(&turn.angle.val(), &self.device);
         let degrees = numbers(&turn.angle.val())[0].to_degrees();
         let evaluation = self.goal.compare(&scene, step, None, 16)?;
-        Ok(evaluation.value("degrees", degrees))
+        Ok(evaluation.with_value("degrees", degrees))
     }
 }
 
@@ -132,8 +132,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             indirect.start(START),
             AdamConfig::new().with_beta_2(0.99).init(),
         )
-        .rate(Rate::cosine(0.02))
-        .blur(BlurSchedule::auto(still, camera, size, study.steps())?)
+        .with_rate(Rate::cosine(0.02))
+        .with_blur(BlurSchedule::auto(still, camera, size, study.steps())?)
         .run(|turn: &Turn, step: &_| indirect.evaluate(turn, step))?;
 
     let found = numbers(&fitted.module.angle.val())[0].to_degrees();
@@ -150,7 +150,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         fitted
             .history
             .plot("angle to the target, °", &["degrees"])?,
-        fitted.history.plot("blur, radians", &["blur"])?.log(),
+        fitted
+            .history
+            .plot("blur, radians", &["blur"])?
+            .with_log_scale(),
     ];
     let outcome = Outcome {
         errors: [START, found.abs()],

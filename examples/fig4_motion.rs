@@ -31,9 +31,9 @@ const VELOCITY: [f32; 3] = [0.9, 0.35, 0.0];
 )]
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
-    let camera = Camera::look_at([0.4, 0.2, 3.0], [0.4, 0.2, 0.0]).fov_y(70.0);
+    let camera = Camera::look_at([0.4, 0.2, 3.0], [0.4, 0.2, 0.0]).with_fov_y(70.0);
     let size = arguments.either(48, 64);
-    let options = RenderOptions::new(size, size).bounces(0);
+    let options = RenderOptions::new(size, size).with_bounces(0);
     let icosahedron = shapes::icosahedron(&device);
     let light = shapes::quad(
         [-3.0, 3.0, 1.0],
@@ -44,14 +44,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     );
     let scene = |vertices: Tensor<2>, velocity: Tensor<1>| {
         Scene::new()
-            .with(
+            .with_object(
                 Object::new(icosahedron.clone().with_vertices(vertices))
-                    .named("icosahedron")
-                    .material(Material::diffuse([0.8, 0.6, 0.4]))
-                    .velocity(velocity),
+                    .with_name("icosahedron")
+                    .with_material(Material::diffuse([0.8, 0.6, 0.4]))
+                    .with_velocity(velocity),
             )
-            .with(Object::new(light.clone()).material(Material::emitter([40.0, 40.0, 40.0])))
-            .environment([0.25, 0.3, 0.35])
+            .with_object(
+                Object::new(light.clone()).with_material(Material::emitter([40.0, 40.0, 40.0])),
+            )
+            .with_environment([0.25, 0.3, 0.35])
     };
     // The target is taller than wide and has a tip pulled out.
     let round = icosahedron.host_vertices()?;
@@ -69,7 +71,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     };
     let goal = flat(&goal);
     let still = scene(tensor(&goal), Tensor::from_floats(VELOCITY, &device));
-    let sharp = options.clone().samples(2048).seed(1 << 50);
+    let sharp = options.clone().with_samples(2048).with_seed(1 << 50);
     let target = render(&still, &camera, &sharp)?.radiance;
 
     let study = Study::new(
@@ -87,12 +89,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     };
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
-        .rate(Rate::cosine(0.01))
-        .blur(BlurSchedule::decay(0.3, 0.01, study.steps() / 2)?)
+        .with_rate(Rate::cosine(0.01))
+        .with_blur(BlurSchedule::decay(0.3, 0.01, study.steps() / 2)?)
         .run(|moving: &Moving, step: &_| {
             let (vertices, velocity) = (moving.vertices.val(), moving.velocity.val() * UNIT);
             let scene = scene(vertices.clone(), velocity.clone());
-            let few = options.clone().samples(16);
+            let few = options.clone().with_samples(16);
             let see = |k| render(&scene, &camera, &step.options(&few, k));
             let (a, b) = (see(0)?.radiance, see(1)?.radiance);
             let image = loss::mse_unbiased(a.clone(), b, target.clone());
@@ -100,12 +102,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             let smooth = topology.laplacian(vertices.clone().unsqueeze());
             let far = distance(&numbers(&velocity), &VELOCITY.map(f64::from));
             Ok(Evaluation::new(image + smooth * 2e-3)
-                .value("velocity error", far)
-                .value("x", numbers(&velocity)[0])
-                .value("y", numbers(&velocity)[1])
-                .value("z", numbers(&velocity)[2])
-                .image("render", a)
-                .target("render", target.clone()))
+                .with_value("velocity error", far)
+                .with_value("x", numbers(&velocity)[0])
+                .with_value("y", numbers(&velocity)[1])
+                .with_value("z", numbers(&velocity)[2])
+                .with_image("render", a)
+                .with_target("render", target.clone()))
         })?;
 
     let (vertices, velocity) = (
@@ -134,12 +136,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         fitted
             .history
             .plot("its error, scene units", &["velocity error"])?
-            .log(),
+            .with_log_scale(),
     ];
     // One image contains little about vertices on the far side, so silhouettes at rest are compared.
     let outline = |vertices: Tensor<2>| -> Result<Tensor<2>, Failure> {
         let still = scene(vertices, Tensor::zeros([3], &device));
-        let image = render(&still, &camera, &sharp.clone().samples(64).with_opacity())?;
+        let image = render(
+            &still,
+            &camera,
+            &sharp.clone().with_samples(64).with_opacity(),
+        )?;
         Ok(image.opacity.ok_or("opacity was asked for")?)
     };
     let wanted = outline(tensor(&goal))?;

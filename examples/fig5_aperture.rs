@@ -48,15 +48,17 @@ fn scene(device: &Device) -> Scene {
         .collect();
     let squares = Tensor::from_data(TensorData::new(squares, [40, 40, 3]), device);
     let mut scene = Scene::new()
-        .with(Object::new(floor).material(Material::diffuse(ColorTexture::texture(squares))))
-        .environment([0.8, 0.85, 0.9]);
+        .with_object(
+            Object::new(floor).with_material(Material::diffuse(ColorTexture::texture(squares))),
+        )
+        .with_environment([0.8, 0.85, 0.9]);
     for (i, color) in colors.into_iter().enumerate() {
         let i = i as f32;
         let center = Tensor::from_floats([-0.75 + 0.55 * i, 0.35, 1.6 - 1.5 * i], device);
         let ball = shapes::icosphere(2, device)
             .scaled(Tensor::from_floats([0.35], device))
             .translated(center);
-        scene = scene.with(Object::new(ball).material(Material::diffuse(color)));
+        scene = scene.with_object(Object::new(ball).with_material(Material::diffuse(color)));
     }
     scene
 }
@@ -66,8 +68,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let scene = scene(&device);
     let camera = |aperture: Tensor<1>, focus: Tensor<1>| {
         Camera::look_at([0.0, 0.9, 5.0], [0.0, 0.35, 0.0])
-            .fov_y(32.0)
-            .thin_lens(aperture, focus)
+            .with_fov_y(32.0)
+            .with_thin_lens(aperture, focus)
     };
     let fixed = |[aperture, focus]: [f64; 2]| {
         camera(
@@ -78,12 +80,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let size = arguments.either(40, 64);
     // No other blur, since the lens blurs enough.
     let options = RenderOptions::new(size, size)
-        .bounces(0)
-        .visibility(Visibility::Cone {
+        .with_bounces(0)
+        .with_visibility(Visibility::Cone {
             angle: 0.0,
             pixels: 0.0,
         });
-    let sharp = options.clone().samples(2048).seed(1 << 50);
+    let sharp = options.clone().with_samples(2048).with_seed(1 << 50);
     let target = render(&scene, &fixed(TARGET), &sharp)?.radiance;
 
     let study = Study::new(
@@ -98,20 +100,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     };
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
-        .rate(Rate::cosine(0.03))
+        .with_rate(Rate::cosine(0.03))
         .run(|lens: &Lens, step: &_| {
             let both = lens.logs.val().exp();
             let camera = camera(both.clone().slice([0..1]), both.clone().slice([1..2]));
-            let few = options.clone().samples(16);
+            let few = options.clone().with_samples(16);
             let see = |k| render(&scene, &camera, &step.options(&few, k));
             let (a, b) = (see(0)?.radiance, see(1)?.radiance);
             let loss = loss::mse_unbiased(a.clone(), b, target.clone());
             let both = numbers(&both);
             Ok(Evaluation::new(loss)
-                .value("aperture", both[0])
-                .value("focus", both[1])
-                .image("render", a)
-                .target("render", target.clone()))
+                .with_value("aperture", both[0])
+                .with_value("focus", both[1])
+                .with_image("render", a)
+                .with_target("render", target.clone()))
         })?;
 
     let found = numbers(&fitted.module.logs.val().exp());

@@ -38,13 +38,13 @@ fn scene(diffuse: Tensor<1>, specular: Tensor<1>, exponent: Tensor<1>, device: &
         // Facing down and away from the camera, towards the ball.
         let [a, b, c, d] = corners;
         Object::new(shapes::quad(d, c, b, a, device))
-            .material(Material::emitter([strength, strength, strength]))
+            .with_material(Material::emitter([strength, strength, strength]))
     };
     Scene::new()
-        .with(Object::new(ball).material(Material::phong(diffuse, specular, exponent)))
-        .with(light(-1.8, 9.0))
-        .with(light(1.8, 6.0))
-        .environment([0.15, 0.15, 0.15])
+        .with_object(Object::new(ball).with_material(Material::phong(diffuse, specular, exponent)))
+        .with_object(light(-1.8, 9.0))
+        .with_object(light(1.8, 6.0))
+        .with_environment([0.15, 0.15, 0.15])
 }
 
 fn logits(albedo: &[f64]) -> Vec<f64> {
@@ -53,16 +53,16 @@ fn logits(albedo: &[f64]) -> Vec<f64> {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
-    let camera = Camera::look_at([0.0, 0.8, 4.0], [0.0, 0.0, 0.0]).fov_y(36.0);
+    let camera = Camera::look_at([0.0, 0.8, 4.0], [0.0, 0.0, 0.0]).with_fov_y(36.0);
     let size = arguments.either(32, 64);
-    let options = RenderOptions::new(size, size).bounces(0);
+    let options = RenderOptions::new(size, size).with_bounces(0);
     let fixed = |v: &[f64]| {
         let three = |v: &[f64]| Tensor::from_floats([v[0], v[1], v[2]], &device);
         let exponent = Tensor::from_floats([v[6].exp()], &device);
         scene(three(&v[..3]), three(&v[3..6]), exponent, &device)
     };
     let still = fixed(&TARGET);
-    let sharp = options.clone().samples(2048).seed(1 << 50);
+    let sharp = options.clone().with_samples(2048).with_seed(1 << 50);
     let target = render(&still, &camera, &sharp)?.radiance;
 
     let study = Study::new(
@@ -89,7 +89,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     };
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
-        .rate(Rate::cosine(0.06))
+        .with_rate(Rate::cosine(0.06))
         .run(|surface: &Surface, step: &_| {
             let scene = scene(
                 sigmoid(surface.diffuse.val()),
@@ -97,17 +97,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
                 surface.shininess.val().exp(),
                 &device,
             );
-            let few = options.clone().samples(8);
+            let few = options.clone().with_samples(8);
             let see = |k| render(&scene, &camera, &step.options(&few, k));
             let (a, b) = (see(0)?.radiance, see(1)?.radiance);
             let loss = loss::mse_unbiased(a.clone(), b, target.clone());
             let all = all(surface);
             Ok(Evaluation::new(loss)
-                .value("diffuse", distance(&all[..3], &TARGET[..3]))
-                .value("specular", distance(&all[3..6], &TARGET[3..6]))
-                .value("ln shininess", (all[6] - TARGET[6]).abs())
-                .image("render", a)
-                .target("render", target.clone()))
+                .with_value("diffuse", distance(&all[..3], &TARGET[..3]))
+                .with_value("specular", distance(&all[3..6], &TARGET[3..6]))
+                .with_value("ln shininess", (all[6] - TARGET[6]).abs())
+                .with_image("render", a)
+                .with_target("render", target.clone()))
         })?;
 
     let found = all(&fitted.module);
@@ -123,7 +123,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
                 "distances to the target's",
                 &["diffuse", "specular", "ln shininess"],
             )?
-            .log(),
+            .with_log_scale(),
     ];
     let outcome = Outcome {
         errors: [distance(&START, &TARGET), distance(&found, &TARGET)],

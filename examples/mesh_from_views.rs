@@ -27,7 +27,7 @@ fn cameras() -> Vec<Camera> {
         let angle = TAU * (i as f64 + 0.5) / VIEWS as f64;
         let height = [0.3, 2.2, -1.6][i % 3];
         let eye = [3.4 * angle.sin(), height, 3.4 * angle.cos()];
-        Camera::look_at(eye, [0.0; 3]).fov_y(40.0)
+        Camera::look_at(eye, [0.0; 3]).with_fov_y(40.0)
     };
     (0..VIEWS).map(view).collect()
 }
@@ -60,25 +60,29 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             [x - 1.0, 5.0, z + 1.0],
         ];
         let [a, b, c, d] = corners;
-        Object::new(shapes::quad(a, b, c, d, &device)).material(Material::emitter(color))
+        Object::new(shapes::quad(a, b, c, d, &device)).with_material(Material::emitter(color))
     };
     // Light comes from all sides, and its color depends on the direction.
     let scene = |mesh: Mesh| {
         Scene::new()
-            .with(
+            .with_object(
                 Object::new(mesh)
-                    .named("body")
-                    .material(Material::diffuse([0.7, 0.7, 0.7])),
+                    .with_name("body")
+                    .with_material(Material::diffuse([0.7, 0.7, 0.7])),
             )
-            .with(light(-3.0, 2.0, [18.0, 9.0, 6.0]))
-            .with(light(3.0, -2.0, [6.0, 9.0, 18.0]))
-            .environment([0.35, 0.4, 0.45])
+            .with_object(light(-3.0, 2.0, [18.0, 9.0, 6.0]))
+            .with_object(light(3.0, -2.0, [6.0, 9.0, 18.0]))
+            .with_environment([0.35, 0.4, 0.45])
     };
     let cameras = cameras();
     let size = arguments.either(32, 64);
-    let options = RenderOptions::new(size, size).bounces(0);
+    let options = RenderOptions::new(size, size).with_bounces(0);
     let still = scene(goal.clone());
-    let sharp = options.clone().samples(256).seed(1 << 50).with_opacity();
+    let sharp = options
+        .clone()
+        .with_samples(256)
+        .with_seed(1 << 50)
+        .with_opacity();
     let see = |camera: &Camera| -> Result<(Tensor<3>, Tensor<2>), Failure> {
         let image = render(&still, camera, &sharp)?;
         let opacity = image.opacity.ok_or("opacity was asked for")?;
@@ -98,16 +102,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         vertices: Param::from_tensor(first.clone().autodiff()),
     };
     let wanted = spread(&goal)?;
-    let steps = LargeSteps::from_mesh(&ball, &LargeStepsConfig::default().lambda(8.0))?;
+    let steps = LargeSteps::from_mesh(&ball, &LargeStepsConfig::default().with_lambda(8.0))?;
     let per_step = arguments.either(2, 3);
     let fitted = study
         .fit(module, steps)
-        .rate(Rate::exponential(0.2, 0.02))
-        .blur(BlurSchedule::decay(0.04, 0.01, study.steps() / 2)?)
+        .with_rate(Rate::exponential(0.2, 0.02))
+        .with_blur(BlurSchedule::decay(0.04, 0.01, study.steps() / 2)?)
         .run(|body: &Body, step: &_| {
             let vertices = body.vertices.val();
             let scene = scene(ball.clone().with_vertices(vertices.clone()));
-            let few = options.clone().samples(4).with_opacity();
+            let few = options.clone().with_samples(4).with_opacity();
             let (mut sum, mut first) = (Tensor::zeros([1], &vertices.device()), None);
             for k in 0..per_step {
                 // Views take turns; views of one step are far apart.
@@ -127,7 +131,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             let mut evaluation = Evaluation::new(sum / per_step as f64 + regular);
             if let Some((view, image, target)) = first {
                 let name = format!("view {view}");
-                evaluation = evaluation.image(&name, image).target(name, target);
+                evaluation = evaluation
+                    .with_image(&name, image)
+                    .with_target(name, target);
             }
             Ok(evaluation)
         })?;
@@ -136,7 +142,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         .clone()
         .with_vertices(fitted.module.vertices.val().inner());
     let before = ball.with_vertices(first);
-    let show = options.clone().samples(256);
+    let show = options.clone().with_samples(256);
     let images = [
         (
             "initial",
@@ -168,7 +174,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             ("silhouette IoU at the end".into(), iou(&found)?),
         ],
     };
-    let plots = vec![fitted.history.plot("blur, radians", &["blur"])?.log()];
+    let plots = vec![
+        fitted
+            .history
+            .plot("blur, radians", &["blur"])?
+            .with_log_scale(),
+    ];
     study.finish(&fitted, images, plots, outcome)
 }
 

@@ -72,16 +72,16 @@ fn scene(roughness: &Tensor<1>, device: &Device) -> Scene {
     );
     let floor = Object::new(shapes::plane_grid(8.0, 8.0, 1, 1, device));
     Scene::new()
-        .with(floor.material(Material::metallic_roughness(squares(device), 0.0, 0.35)))
-        .with(ball(-0.95, 0.0).material(Material::conductor(GOLD[0], GOLD[1], part(0))))
-        .with(ball(0.95, 0.35).material(Material::dielectric(1.5, part(1))))
-        .with(Object::new(lamp).material(Material::emitter([14.0, 13.0, 11.0])))
-        .environment(Environment::map(sky(device)))
+        .with_object(floor.with_material(Material::metallic_roughness(squares(device), 0.0, 0.35)))
+        .with_object(ball(-0.95, 0.0).with_material(Material::conductor(GOLD[0], GOLD[1], part(0))))
+        .with_object(ball(0.95, 0.35).with_material(Material::dielectric(1.5, part(1))))
+        .with_object(Object::new(lamp).with_material(Material::emitter([14.0, 13.0, 11.0])))
+        .with_environment(Environment::map(sky(device)))
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
-    let camera = Camera::look_at([0.3, 2.0, 5.2], [0.0, 0.65, 0.0]).fov_y(34.0);
+    let camera = Camera::look_at([0.3, 2.0, 5.2], [0.0, 0.65, 0.0]).with_fov_y(34.0);
     let at = |values: [f64; 2]| {
         let data = TensorData::new(values.to_vec(), [2]);
         Tensor::<1>::from_data(data, &device)
@@ -89,16 +89,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let fixed = |values: [f64; 2]| scene(&at(values), &device);
     let [width, height, samples] = arguments.either([96, 72, 16], [384, 288, 256]);
     let large = RenderOptions::new(width, height)
-        .samples(samples as u32)
-        .bounces(6);
+        .with_samples(samples as u32)
+        .with_bounces(6);
     std::fs::create_dir_all(&arguments.out)?;
     let file = arguments.out.join("metal_and_glass_scene.png");
     picture(&fixed([0.15, 0.0]), &camera, &large)?.write(&file)?;
     println!("wrote {}", file.display());
 
     let [width, height] = arguments.either([32, 24], [64, 48]);
-    let options = RenderOptions::new(width, height).bounces(4);
-    let sharp = options.clone().samples(1024).seed(1 << 50);
+    let options = RenderOptions::new(width, height).with_bounces(4);
+    let sharp = options.clone().with_samples(1024).with_seed(1 << 50);
     let still = fixed(TARGET);
     let target = render(&still, &camera, &sharp)?.radiance;
     let study = Study::new(
@@ -114,18 +114,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     };
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
-        .rate(Rate::cosine(0.08))
+        .with_rate(Rate::cosine(0.08))
         .run(|surfaces: &Surfaces, step: &_| {
             let roughness = sigmoid(surfaces.roughness.val());
             let scene = scene(&roughness, &device);
-            let few = options.clone().samples(arguments.either(16, 8));
+            let few = options.clone().with_samples(arguments.either(16, 8));
             let see = |k| render(&scene, &camera, &step.options(&few, k));
             let (a, b) = (see(0)?.radiance, see(1)?.radiance);
             let loss = loss::mse_unbiased(a.clone(), b, target.clone());
             Ok(Evaluation::new(loss)
-                .value("roughness", distance(&numbers(&roughness), &TARGET))
-                .image("render", a)
-                .target("render", target.clone()))
+                .with_value("roughness", distance(&numbers(&roughness), &TARGET))
+                .with_image("render", a)
+                .with_target("render", target.clone()))
         })?;
 
     let found = numbers(&sigmoid(fitted.module.roughness.val()));
@@ -140,7 +140,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let plot = fitted
         .history
         .plot("distance to the target's", &["roughness"])?
-        .log();
+        .with_log_scale();
     let names = ["gold", "glass"];
     let others = names.iter().zip(&found).zip(TARGET);
     let outcome = Outcome {

@@ -33,17 +33,17 @@ fn scene(offset: Tensor<1>, device: &Device) -> Scene {
         .scaled(Tensor::from_floats([0.8], device))
         .translated(place);
     Scene::new()
-        .with(
+        .with_object(
             Object::new(mirror)
-                .named("mirror")
-                .material(Material::phong([0.02, 0.02, 0.02], [0.9, 0.9, 0.9], 1500.0)),
+                .with_name("mirror")
+                .with_material(Material::phong([0.02, 0.02, 0.02], [0.9, 0.9, 0.9], 1500.0)),
         )
-        .with(
+        .with_object(
             Object::new(body)
-                .named("hidden")
-                .material(Material::diffuse([0.1, 0.1, 0.1]).emission([1.2, 0.9, 0.5])),
+                .with_name("hidden")
+                .with_material(Material::diffuse([0.1, 0.1, 0.1]).with_emission([1.2, 0.9, 0.5])),
         )
-        .environment([0.05, 0.06, 0.08])
+        .with_environment([0.05, 0.06, 0.08])
 }
 
 pub(crate) struct Mirror {
@@ -53,7 +53,7 @@ pub(crate) struct Mirror {
 
 impl Mirror {
     pub(crate) fn new(size: usize, device: &Device) -> Result<Self, Failure> {
-        let camera = Camera::look_at([0.0, 0.0, 2.6], [0.0, 0.0, 0.0]).fov_y(55.0);
+        let camera = Camera::look_at([0.0, 0.0, 2.6], [0.0, 0.0, 0.0]).with_fov_y(55.0);
         let still = scene(Tensor::zeros([2], device), device);
         Ok(Self {
             device: device.clone(),
@@ -91,9 +91,9 @@ impl Problem for Mirror {
         let at = numbers(&hidden.offset.val());
         let evaluation = self.goal.compare(&scene, step, None, 4)?;
         Ok(evaluation
-            .value("x", at[0])
-            .value("y", at[1])
-            .value("distance", self.error(hidden)))
+            .with_value("x", at[0])
+            .with_value("y", at[1])
+            .with_value("distance", self.error(hidden)))
     }
 }
 
@@ -114,8 +114,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             mirror.start(far),
             AdamConfig::new().with_beta_2(0.99).init(),
         )
-        .rate(Rate::cosine(0.03))
-        .blur(BlurSchedule::auto(still, camera, size, study.steps())?)
+        .with_rate(Rate::cosine(0.03))
+        .with_blur(BlurSchedule::auto(still, camera, size, study.steps())?)
         .run(|hidden: &Hidden, step: &_| mirror.evaluate(hidden, step))?;
 
     let found = numbers(&fitted.module.offset.val());
@@ -129,7 +129,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         fitted
             .history
             .plot("distance to the target", &["distance"])?
-            .log(),
+            .with_log_scale(),
     ];
     let outcome = Outcome {
         errors: [far, mirror.error(&fitted.module)],

@@ -61,8 +61,8 @@ fn scene(texels: &Tensor<3>, roughness: &Tensor<1>, photograph: usize, device: &
     let copper = Material::metallic_roughness([0.8, 0.5, 0.35], 0.5, roughness.clone());
     let plate = Object::new(shapes::plane_grid(2.0, 2.0, 1, 1, device));
     Scene::new()
-        .with(plate.material(copper.normal_map(texels.clone(), 1.0)))
-        .light(lamp)
+        .with_object(plate.with_material(copper.with_normal_map(texels.clone(), 1.0)))
+        .with_light(lamp)
 }
 
 /// Returns the logarithm that the loss compares, so that highlights and dim parts have similar weight.
@@ -79,10 +79,10 @@ fn angle(a: &Tensor<3>, b: &Tensor<3>) -> f64 {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
-    let camera = Camera::look_at([0.0, 4.0, 1.2], [0.0; 3]).fov_y(27.0);
+    let camera = Camera::look_at([0.0, 4.0, 1.2], [0.0; 3]).with_fov_y(27.0);
     let (n, size) = arguments.either((16, 48), (24, 96));
-    let options = RenderOptions::new(size, size).bounces(0);
-    let sharp = options.clone().samples(256).seed(1 << 50);
+    let options = RenderOptions::new(size, size).with_bounces(0);
+    let sharp = options.clone().with_samples(256).with_seed(1 << 50);
     let one = |r: f64| Tensor::<1>::from_floats([r], &device);
     let (relief, [roughness, start]) = (hammered(n, &device), ROUGHNESS.map(one));
     let photograph = |k| render(&scene(&relief, &roughness, k, &device), &camera, &sharp);
@@ -103,10 +103,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let flat = plate.relief.texels();
     let fitted = study
         .fit(plate, AdamConfig::new().with_beta_2(0.99).init())
-        .rate(Rate::cosine(0.05))
+        .with_rate(Rate::cosine(0.05))
         .run(|plate: &Plate, step: &_| {
             let (texels, roughness) = (plate.relief.texels(), plate.roughness());
-            let few = options.clone().samples(8);
+            let few = options.clone().with_samples(8);
             // Each step uses half of the photographs.
             let of_step = (step.index % 2..PHOTOGRAPHS).step_by(2);
             let seen = of_step.map(|k| {
@@ -120,9 +120,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             let losses = seen.iter().map(|(loss, _, _)| loss.clone()).collect();
             let (_, image, target) = seen[0].clone();
             Ok(Evaluation::new(Tensor::cat(losses, 0).mean())
-                .value("angle", angle(&texels, &relief))
-                .image("render", image)
-                .target("render", target))
+                .with_value("angle", angle(&texels, &relief))
+                .with_image("render", image)
+                .with_target("render", target))
         })?;
 
     let found = fitted.module.relief.texels().inner();
@@ -136,7 +136,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let plot = fitted
         .history
         .plot("mean angle to the plate's normals, °", &["angle"])?
-        .log();
+        .with_log_scale();
     let outcome = Outcome {
         errors: [angle(&flat, &relief), angle(&found, &relief)],
         of: "mean angle between normals, degrees".into(),

@@ -125,37 +125,37 @@ pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         camera.target = target.into();
     }
     if let Some(fov) = arguments.fov {
-        camera = camera.fov_y(fov);
+        camera = camera.with_fov_y(fov);
     }
     if let Some(radiance) = arguments.environment {
-        scene = scene.environment(radiance);
+        scene = scene.with_environment(radiance);
     }
     if let Some(file) = &arguments.environment_map {
         let map = HostImage::read(file)?.into_tensor(&device);
-        scene = scene.environment(Environment::map(map));
+        scene = scene.with_environment(Environment::map(map));
     }
     size = arguments.size.unwrap_or(size);
     HostImage::check_room(&arguments.out, size.0, size.1)?;
 
     let (bar, progress) = common::render_progress("rendering");
     let mut options = RenderOptions::new(size.0, size.1)
-        .samples(arguments.spp)
-        .bounces(arguments.bounces)
-        .visibility(match arguments.softmax {
+        .with_samples(arguments.spp)
+        .with_bounces(arguments.bounces)
+        .with_visibility(match arguments.softmax {
             Some([sigma, gamma]) => Visibility::softmax(sigma, gamma),
             None => Visibility::Cone {
                 angle: arguments.angle,
                 pixels: arguments.pixels,
             },
         })
-        .sampling(match arguments.sampling {
+        .with_sampling(match arguments.sampling {
             Sampled::Default => Sampling::default(),
             Sampled::Plain => Sampling::paper(),
         })
-        .seed(arguments.seed)
-        .progress(progress);
+        .with_seed(arguments.seed)
+        .with_progress(progress);
     if arguments.adaptive {
-        options = options.adaptive();
+        options = options.with_adaptive();
     }
     let start = Instant::now();
     let mut image = render(&scene, &camera, &options)?;
@@ -169,7 +169,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         eprintln!(
             "the light of the file is not seen: a white environment (--environment r,g,b sets another)"
         );
-        scene = scene.environment([1.0; 3]);
+        scene = scene.with_environment([1.0; 3]);
         image = render(&scene, &camera, &options)?;
         host = HostImage::take(image.radiance)?;
     }
@@ -214,11 +214,11 @@ fn exposed<'a>(image: &'a HostImage, arguments: &Arguments) -> Cow<'a, HostImage
 type Loaded = (Scene, Camera, (usize, usize));
 
 fn load(arguments: &Arguments, device: &Device) -> Result<Loaded, Box<dyn Error>> {
-    let limits = LoadLimits::default().outside(arguments.outside);
+    let limits = LoadLimits::default().with_outside(arguments.outside);
     let mut file = SceneFile::load_within(&arguments.scene, device, &limits)?;
     if !file.scene.has_light() {
         eprintln!("no light in the file: a white environment (--environment r,g,b sets another)");
-        file.scene = file.scene.environment([1.0; 3]);
+        file.scene = file.scene.with_environment([1.0; 3]);
     }
     let camera = match &arguments.camera {
         Some(name) => {

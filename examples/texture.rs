@@ -74,7 +74,7 @@ fn cameras() -> Vec<Camera> {
         let angle = TAU * i as f64 / VIEWS as f64;
         let height = [1.6, -1.6, 0.4, -0.4][i % 4];
         let eye = [3.4 * angle.sin(), height, 3.4 * angle.cos()];
-        Camera::look_at(eye, [0.0; 3]).fov_y(36.0)
+        Camera::look_at(eye, [0.0; 3]).with_fov_y(36.0)
     };
     (0..VIEWS).map(view).collect()
 }
@@ -89,25 +89,25 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let mesh = ball(24, 12, &device);
     let scene = |texels: Tensor<3>| {
         Scene::new()
-            .with(
+            .with_object(
                 Object::new(mesh.clone())
-                    .material(Material::diffuse(ColorTexture::texture(texels))),
+                    .with_material(Material::diffuse(ColorTexture::texture(texels))),
             )
-            .environment([1.0, 1.0, 1.0])
+            .with_environment([1.0, 1.0, 1.0])
     };
     let cameras = cameras();
     let size = arguments.either(32, 64);
     // No filter beyond a pixel, which keeps texels separate.
     let options = RenderOptions::new(size, size)
-        .bounces(0)
-        .visibility(Visibility::Cone {
+        .with_bounces(0)
+        .with_visibility(Visibility::Cone {
             angle: 0.0,
             pixels: 0.0,
         });
     let goal = pattern(height, width);
     let data = TensorData::new(goal.clone(), [height, width, 3]);
     let still = scene(Tensor::from_data(data, &device));
-    let sharp = options.clone().samples(512).seed(1 << 50);
+    let sharp = options.clone().with_samples(512).with_seed(1 << 50);
     let see = |camera: &Camera| render(&still, camera, &sharp).map(|image| image.radiance);
     let targets = cameras
         .iter()
@@ -137,11 +137,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     };
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
-        .rate(Rate::cosine(0.5))
+        .with_rate(Rate::cosine(0.5))
         .run(|texture: &Texture, step: &_| {
             let texels = burn::tensor::activation::sigmoid(texture.logits.val());
             let scene = scene(texels.clone());
-            let few = options.clone().samples(8);
+            let few = options.clone().with_samples(8);
             // Views take turns, two per step.
             let (mut sum, mut first) = (None, None);
             for k in 0..2 {
@@ -159,9 +159,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
                 unreachable!("there are two views");
             };
             Ok(Evaluation::new(sum)
-                .value("texels", rms(&numbers(&texels)))
-                .image(format!("view {view}"), image)
-                .target(format!("view {view}"), targets[view].clone()))
+                .with_value("texels", rms(&numbers(&texels)))
+                .with_image(format!("view {view}"), image)
+                .with_target(format!("view {view}"), targets[view].clone()))
         })?;
 
     let gray = Tensor::full([height, width, 3], 0.5, &device);
@@ -178,7 +178,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         fitted
             .history
             .plot("error of the texels, RMS", &["texels"])?
-            .log(),
+            .with_log_scale(),
     ];
     let outcome = Outcome {
         errors: [rms(&vec![0.5; goal.len()]), rms(&numbers(&found))],

@@ -150,7 +150,9 @@ impl Error {
 fn no_triangles(path: Option<&Path>, objects: usize) -> String {
     let Some(path) = path else {
         return match objects {
-            0 => "scene: it has no objects, expected at least one: Scene::with adds it".into(),
+            0 => {
+                "scene: it has no objects, expected at least one: Scene::with_object adds it".into()
+            }
             1 => "scene: its object has no faces, expected at least one triangle".into(),
             n => {
                 format!("scene: none of its {n} objects has a face, expected at least one triangle")

@@ -14,10 +14,10 @@
 //! let device = Device::flex();
 //! let offset = Tensor::<1>::from_floats([0.0, 0.2, 0.0], &device).autodiff().require_grad();
 //! let scene = Scene::new()
-//!     .with(Object::new(shapes::icosahedron(&device).translated(offset.clone())))
-//!     .environment([1.0, 1.0, 1.0]);
-//! let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
-//! let options = RenderOptions::new(16, 16).samples(4).bounces(0);
+//!     .with_object(Object::new(shapes::icosahedron(&device).translated(offset.clone())))
+//!     .with_environment([1.0, 1.0, 1.0]);
+//! let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).with_fov_y(40.0);
+//! let options = RenderOptions::new(16, 16).with_samples(4).with_bounces(0);
 //! let image = render(&scene, &camera, &options)?;
 //! let gradients = image.radiance.powf_scalar(2.0).mean().backward();
 //! assert!(offset.grad(&gradients).is_some());

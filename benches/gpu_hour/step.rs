@@ -37,11 +37,11 @@ impl Step {
     /// Runs it once, for the k-th time, and returns the images and the gradient.
     fn run(&self, world: &World, k: usize, device: &Device) -> [Tensor<1>; 2] {
         let options = RenderOptions::new(self.size, self.size)
-            .samples(self.samples)
-            .bounces(1)
-            .seed(k as u64)
-            .adaptive_edges(false)
-            .cache(&world.cache);
+            .with_samples(self.samples)
+            .with_bounces(1)
+            .with_seed(k as u64)
+            .with_adaptive_edges(false)
+            .with_cache(&world.cache);
         let scale = 1.0 + 1e-4 * k as f64;
         let parameter = (world.parameter.clone() * scale).autodiff().require_grad();
         let batch = world.batch(&parameter, self.scenes);
@@ -131,12 +131,14 @@ impl World {
         };
         let matt = |color: [f64; 3]| Material::diffuse(color);
         let mut scene = Scene::new()
-            .with(Object::new(square(0.0, 3.0, 1.0)).material(matt([0.7; 3])))
-            .with(Object::new(square(4.0, 0.7, -1.0)).material(Material::emitter([9.0; 3])))
-            .environment([0.2; 3]);
+            .with_object(Object::new(square(0.0, 3.0, 1.0)).with_material(matt([0.7; 3])))
+            .with_object(
+                Object::new(square(4.0, 0.7, -1.0)).with_material(Material::emitter([9.0; 3])),
+            )
+            .with_environment([0.2; 3]);
         if standing > 0 {
-            let object = Object::new(ball(standing, 0.9)).named("stands");
-            scene = scene.with(object.material(matt([0.3, 0.5, 0.7])));
+            let object = Object::new(ball(standing, 0.9)).with_name("stands");
+            scene = scene.with_object(object.with_material(matt([0.3, 0.5, 0.7])));
         }
         let mut parameter = Tensor::from_floats([[[0.3, 0.5, 0.7]]], device);
         if moving > 0 {
@@ -144,8 +146,8 @@ impl World {
             let [count, _] = mesh.vertices.dims();
             let one = mesh.vertices.clone().reshape([1, count, 3]);
             parameter = one.repeat(&[step.scenes, 1, 1]);
-            let object = Object::new(mesh).named("moves");
-            scene = scene.with(object.material(matt([0.7, 0.5, 0.3])));
+            let object = Object::new(mesh).with_name("moves");
+            scene = scene.with_object(object.with_material(matt([0.7, 0.5, 0.3])));
         }
         Self {
             scene,
@@ -159,7 +161,7 @@ impl World {
         let camera = |k: usize| {
             let turn = 0.1 * k as f64;
             let eye = [5.0 * turn.sin(), 1.5, 5.0 * turn.cos()];
-            Camera::look_at(eye, [0.0, 0.8, 0.0]).fov_y(45.0)
+            Camera::look_at(eye, [0.0, 0.8, 0.0]).with_fov_y(45.0)
         };
         let cameras = (0..scenes).map(camera).collect();
         if self.moves {
@@ -169,7 +171,9 @@ impl World {
         }
         let color = parameter.clone().reshape([3]);
         let scene = self.scene.clone();
-        let scene = scene.map_object("stands", |o| o.material(Material::diffuse(color.clone())));
+        let scene = scene.map_object("stands", |o| {
+            o.with_material(Material::diffuse(color.clone()))
+        });
         Batch::new(vec![scene.expect("the body")], cameras).expect("a batch")
     }
 }

@@ -19,7 +19,11 @@ impl Request {
     /// The image and the gradient of Σ image² by the object's vertices, as the bits of f32.
     pub fn answer(&self) -> Answer {
         let file = self.view.load()?;
-        let options = self.view.options().samples(self.samples).seed(self.seed);
+        let options = self
+            .view
+            .options()
+            .with_samples(self.samples)
+            .with_seed(self.seed);
         let object = file.scene.object(&self.object).ok_or("no such object")?;
         let leaf = object.mesh.vertices.clone().autodiff().require_grad();
         let moved = |o: Object| o.map_mesh(|m| m.with_vertices(leaf.clone()));

@@ -48,11 +48,11 @@ impl Request {
     fn row(&self, file: &SceneFile, name: &str, step: f64) -> Answer {
         let size = self.view.size;
         let weights = self.weights(file, name, step)?;
-        let options = self.view.options().samples(self.samples);
+        let options = self.view.options().with_samples(self.samples);
         let settings = GradCheck::new(options, &self.view.device()?)
-            .precision(self.precision)
-            .seeds(16, self.budget)
-            .objective(move |radiance| {
+            .with_precision(self.precision)
+            .with_seeds(16, self.budget)
+            .with_objective(move |radiance| {
                 let plain = radiance.device().inner();
                 let weights = Tensor::<1>::from_floats(weights.as_slice(), &plain);
                 let weights = weights.cast(radiance.dtype()).reshape([size, size, 1]);
@@ -62,7 +62,7 @@ impl Request {
         let checked = Checked::new(name, values.clone(), step);
         let checked = match values.len() {
             1 => checked,
-            _ => checked.along(WAY),
+            _ => checked.with_direction(WAY),
         };
         let report = gradcheck(&[checked], &settings, |point| {
             let changed = point.get(name)?;
@@ -81,7 +81,7 @@ impl Request {
     /// Means over squares of the difference of two images, over the largest.
     fn weights(&self, file: &SceneFile, name: &str, step: f64) -> softray::Result<Vec<f32>> {
         let device = self.view.device()?;
-        let options = self.view.options().samples(1024).seed(1 << 50);
+        let options = self.view.options().with_samples(1024).with_seed(1 << 50);
         let image = |side: f64| {
             let values = self.values(name);
             let moved = values.iter().enumerate().map(|(i, v)| match values.len() {
@@ -138,11 +138,12 @@ impl Request {
         }
         if let Some((name, _)) = &self.moving {
             let velocity = get("velocity");
-            scene = scene.map_object(name, |o| o.velocity(velocity.clone()))?;
+            scene = scene.map_object(name, |o| o.with_velocity(velocity.clone()))?;
         }
-        let mut camera = Camera::look_at(get("eye"), get("target")).fov_y(get("field of view"));
+        let mut camera =
+            Camera::look_at(get("eye"), get("target")).with_fov_y(get("field of view"));
         if self.lens.is_some() {
-            camera = camera.thin_lens(get("aperture"), get("focus distance"));
+            camera = camera.with_thin_lens(get("aperture"), get("focus distance"));
         }
         Ok((scene, camera))
     }

@@ -50,7 +50,7 @@ impl Request {
 
     /// The derivative of the weighted image, or those of all blocks.
     fn estimate(&self, file: &SceneFile, samples: u32, seed: u64) -> softray::Result<Vec<f64>> {
-        let options = self.view.options().samples(samples).seed(seed);
+        let options = self.view.options().with_samples(samples).with_seed(seed);
         if let Some(step) = self.differences {
             let [left, right] = [-step, step].map(|x| self.blocks(file, x, &options));
             let pairs = left?.into_iter().zip(right?);

@@ -22,14 +22,14 @@ pub struct Request {
 impl Request {
     pub fn answer(&self) -> Answer {
         let file = self.view.load()?;
-        let mut options = self.view.options().samples(self.samples);
+        let mut options = self.view.options().with_samples(self.samples);
         if self.method == "adaptive" {
-            options = options.adaptive();
+            options = options.with_adaptive();
         }
         let (mut times, mut images) = (Vec::new(), Vec::new());
         for seed in 0..=self.seeds {
             let start = Instant::now();
-            let image = render(&file.scene, &file.camera, &options.clone().seed(seed))?;
+            let image = render(&file.scene, &file.camera, &options.clone().with_seed(seed))?;
             let radiance: Vec<f32> = image.radiance.into_data().iter().collect();
             // The first is not counted.
             if seed > 0 {

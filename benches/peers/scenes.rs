@@ -29,10 +29,12 @@ impl View {
     }
 
     pub fn options(&self) -> RenderOptions {
-        let options = RenderOptions::new(self.size, self.size).bounces(self.bounces);
+        let options = RenderOptions::new(self.size, self.size).with_bounces(self.bounces);
         match (self.softmax, self.pixels) {
-            (Some(sigma), _) => options.visibility(Visibility::softmax(sigma, 1e-3)),
-            (None, Some(pixels)) => options.visibility(Visibility::Cone { angle: 0.0, pixels }),
+            (Some(sigma), _) => options.with_visibility(Visibility::softmax(sigma, 1e-3)),
+            (None, Some(pixels)) => {
+                options.with_visibility(Visibility::Cone { angle: 0.0, pixels })
+            }
             (None, None) => options,
         }
     }
@@ -70,7 +72,7 @@ impl Motion {
         let mut vertices = vertices.clone();
         if let Some(axis) = self.turn {
             let center = row(self.center);
-            let turn = Transform::new().axis_angle(axis, x.clone());
+            let turn = Transform::new().with_axis_angle(axis, x.clone());
             vertices = turn.apply(vertices - center.clone()) + center;
         }
         if let Some(way) = self.translate {

@@ -25,10 +25,14 @@ impl Request {
         let file = self.view.load()?;
         let reading = start.elapsed().as_secs_f64();
         let cache = HierarchyCache::default();
-        let options = self.view.options().samples(self.samples).cache(&cache);
+        let options = self
+            .view
+            .options()
+            .with_samples(self.samples)
+            .with_cache(&cache);
         let triangles: usize = file.scene.objects.iter().map(|o| o.mesh.faces.len()).sum();
         let run = |k: u64| -> softray::Result<()> {
-            let options = options.clone().seed(k);
+            let options = options.clone().with_seed(k);
             if self.backward {
                 backward(&file, &options, k)
             } else {

@@ -27,9 +27,9 @@ impl Images {
                 let path = data(name).join(format!("bounces-{b}.exr"));
                 let reference = HostImage::read(&path).expect("a reference");
                 let options = RenderOptions::new(file.width, file.height)
-                    .samples(self.spp)
-                    .bounces(b)
-                    .visibility(visibility);
+                    .with_samples(self.spp)
+                    .with_bounces(b)
+                    .with_visibility(visibility);
                 let image = render(&file.scene, &file.camera, &options).expect("an image");
                 let image = HostImage::from_tensor(&image.radiance).expect("values");
                 println!(

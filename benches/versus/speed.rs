@@ -77,15 +77,15 @@ impl Speed {
         }
         let cache = HierarchyCache::default();
         let options = RenderOptions::new(self.size, self.size)
-            .samples(self.spp)
-            .bounces(bounces)
-            .visibility(visibility)
-            .engine(if self.tensors {
+            .with_samples(self.spp)
+            .with_bounces(bounces)
+            .with_visibility(visibility)
+            .with_engine(if self.tensors {
                 Engine::Tensors
             } else {
                 Engine::Auto
             })
-            .cache(&cache);
+            .with_cache(&cache);
         let faces: usize = file.scene.objects.iter().map(|o| o.mesh.faces.len()).sum();
         let forward = self.time(|| {
             let image = render(&file.scene, &file.camera, &options).expect("an image");
@@ -128,11 +128,11 @@ impl Speed {
     /// Time and noise with 2 emissive triangles and with 10,000, by each choice of emitters.
     fn lamps(&self, visibility: Visibility) {
         let device = softray::device::named(Some(&self.device)).expect("a device");
-        let camera = Camera::look_at([0.0, 2.0, 5.0], [0.0, 0.8, 0.0]).fov_y(45.0);
+        let camera = Camera::look_at([0.0, 2.0, 5.0], [0.0, 0.8, 0.0]).with_fov_y(45.0);
         let options = RenderOptions::new(self.size, self.size)
-            .samples(self.spp)
-            .bounces(1)
-            .visibility(visibility);
+            .with_samples(self.spp)
+            .with_bounces(1)
+            .with_visibility(visibility);
         let paths = (self.size * self.size) as f64 * f64::from(self.spp);
         let mut first = None;
         for lamps in [Lamps::Two, Lamps::Cut, Lamps::Balls] {
@@ -140,15 +140,15 @@ impl Speed {
             let converged = render(
                 &scene,
                 &camera,
-                &options.clone().samples(64 * self.spp).seed(9),
+                &options.clone().with_samples(64 * self.spp).with_seed(9),
             );
             let converged = converged.expect("an image").radiance;
             for emitters in [EmitterSampling::SolidAngle, EmitterSampling::Power] {
                 let mut sampling = Sampling::default();
                 sampling.emitters = emitters;
-                let options = options.clone().sampling(sampling);
+                let options = options.clone().with_sampling(sampling);
                 let cache = HierarchyCache::default();
-                let options = options.cache(&cache);
+                let options = options.with_cache(&cache);
                 let image = || {
                     render(&scene, &camera, &options)
                         .expect("an image")
@@ -238,8 +238,8 @@ fn lit_by_lamps(lamps: Lamps, device: &Device) -> (Scene, usize) {
     };
     let ball = at(shapes::icosphere(3, device), 0.7, [0.0, 0.7, 0.0]);
     let mut scene = Scene::new()
-        .with(Object::new(ball).material(Material::diffuse([0.6, 0.5, 0.4])))
-        .with(Object::new(quad(4.0, 0.0)).material(Material::diffuse([0.5; 3])));
+        .with_object(Object::new(ball).with_material(Material::diffuse([0.6, 0.5, 0.4])))
+        .with_object(Object::new(quad(4.0, 0.0)).with_material(Material::diffuse([0.5; 3])));
     for i in 0..125 {
         let [x, y, z] = [i % 5, i / 5 % 5, i / 25].map(|k| k as f32);
         let place = [1.3 * (x - 2.0), 4.0 + 0.5 * y, 1.3 * (z - 2.0)];
@@ -248,7 +248,7 @@ fn lit_by_lamps(lamps: Lamps, device: &Device) -> (Scene, usize) {
             Lamps::Balls => Material::emitter([80.0; 3]),
             _ => Material::diffuse([0.0; 3]),
         };
-        scene = scene.with(Object::new(lamp).material(material));
+        scene = scene.with_object(Object::new(lamp).with_material(material));
     }
     let parts = match lamps {
         Lamps::Balls => return (scene, 10_000),
@@ -267,8 +267,8 @@ fn lit_by_lamps(lamps: Lamps, device: &Device) -> (Scene, usize) {
     let faces: Vec<[u32; 3]> = faces.collect();
     let count = faces.len();
     let lamp = Mesh::from_host(&corners, faces, device);
-    let lamp = Object::new(lamp).material(Material::emitter([12.0; 3]));
-    (scene.with(lamp), count)
+    let lamp = Object::new(lamp).with_material(Material::emitter([12.0; 3]));
+    (scene.with_object(lamp), count)
 }
 
 /// The scene with the vertices of its first object as a leaf.

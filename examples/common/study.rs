@@ -84,8 +84,8 @@ impl Goal {
         (size, bounces): (usize, u32),
         samples: u32,
     ) -> softray::Result<Self> {
-        let options = RenderOptions::new(size, size).bounces(bounces);
-        let sharp = options.clone().samples(samples).seed(1 << 50);
+        let options = RenderOptions::new(size, size).with_bounces(bounces);
+        let sharp = options.clone().with_samples(samples).with_seed(1 << 50);
         let image = render(&scene, &camera, &sharp)?.radiance;
         Ok(Self {
             scene,
@@ -116,19 +116,19 @@ impl Goal {
         visibility: Option<Visibility>,
         samples: u32,
     ) -> softray::Result<Evaluation> {
-        let few = self.options.clone().samples(samples);
+        let few = self.options.clone().with_samples(samples);
         let see = |k| {
             let mut options = step.options(&few, k);
             if let Some(visibility) = visibility {
-                options = options.visibility(visibility);
+                options = options.with_visibility(visibility);
             }
             render(scene, &self.camera, &options)
         };
         let (a, b) = (see(0)?.radiance, see(1)?.radiance);
         let loss = loss::mse_unbiased(a.clone(), b, self.image.clone());
         Ok(Evaluation::new(loss)
-            .image("render", a)
-            .target("render", self.image.clone()))
+            .with_image("render", a)
+            .with_target("render", self.image.clone()))
     }
 }
 
@@ -214,12 +214,12 @@ impl<'a> Study<'a> {
         };
         let folder = self.arguments.out.join(self.name);
         let fit = Fit::new(module, optimizer, self.steps)
-            .seed(self.arguments.seed)
-            .folder(&folder)
-            .restart(!self.arguments.resume)
+            .with_seed(self.arguments.seed)
+            .with_folder(&folder)
+            .with_restart(!self.arguments.resume)
             .on_step(self.steps.div_ceil(4).max(1), keep);
         if self.arguments.pictures {
-            fit.pictures(folder.join("pictures"), self.steps.div_ceil(20).max(1))
+            fit.with_pictures(folder.join("pictures"), self.steps.div_ceil(20).max(1))
         } else {
             fit
         }
@@ -252,11 +252,11 @@ impl<'a> Study<'a> {
         let steps = snapshots.iter();
         let steps = steps.map(|(step, image)| Panel::new(format!("step {step}"), image));
         let mut figure = Figure::new(self.title)
-            .row(row.into_iter().chain([difference]))
-            .row(steps)
-            .plot(fitted.history.loss_plot());
+            .with_row(row.into_iter().chain([difference]))
+            .with_row(steps)
+            .with_plot(fitted.history.loss_plot());
         for plot in plots {
-            figure = figure.plot(plot);
+            figure = figure.with_plot(plot);
         }
         let path = self.arguments.out.join(format!("{}.png", self.name));
         figure.write(&path)?;
@@ -273,7 +273,7 @@ impl<'a> Study<'a> {
         println!("wrote {}", path.display());
         if self.arguments.pictures {
             let path = path.with_extension("gif");
-            self.animation()?.frames_per_second(3.0).write(&path)?;
+            self.animation()?.with_frames_per_second(3.0).write(&path)?;
             println!("wrote {}", path.display());
         }
         Ok(outcome)

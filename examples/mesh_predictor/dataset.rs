@@ -92,7 +92,7 @@ impl Item {
         let scene = scene(self.mesh(device), self.color, &self.light);
         let cameras = self.eyes.iter().map(|eye| eye.camera()).collect();
         let batch = Batch::new(vec![scene], cameras)?;
-        see(&batch, &options(SAMPLES).seed(seed))
+        see(&batch, &options(SAMPLES).with_seed(seed))
     }
 }
 

@@ -23,7 +23,7 @@ pub fn write(
     device: &Device,
 ) -> Result<(), Box<dyn std::error::Error>> {
     let title = "Bodies from one image each: validation set";
-    let mut figure = Figure::new(title).height(128);
+    let mut figure = Figure::new(title).with_height(128);
     for (i, item) in data.items.iter().enumerate().take(ROWS) {
         let scene = decoder.scene(bodies, i, &item.light);
         let eyes = item.eyes.iter().take(3);
@@ -46,27 +46,27 @@ pub fn write(
         let last = i + 1 == data.items.len().min(ROWS);
         let caption = |caption| if last { caption } else { "" };
         let panels = row.iter().map(|(c, image)| Panel::new(caption(*c), image));
-        figure = figure.row(panels);
+        figure = figure.with_row(panels);
     }
     let mut overlaps = Plot::new("validation IoU", "step", "");
     for (name, kind) in [("IoU input", 0), ("IoU other", 1)] {
         let points = history.curve(name).into_iter();
-        overlaps = overlaps.curve(
+        overlaps = overlaps.with_curve(
             ["input view", "other views"][kind],
             points.filter(|p| p.1.is_finite()),
         );
     }
     let overlaps = overlaps
-        .line("mean shape, input", baselines.mean[0])
-        .line("mean shape, other", baselines.mean[1]);
+        .with_line("mean shape, input", baselines.mean[0])
+        .with_line("mean shape, other", baselines.mean[1]);
     figure
-        .plot(overlaps)
-        .plot(
+        .with_plot(overlaps)
+        .with_plot(
             history
                 .plot("parts of the loss", &["image", "silhouette"])?
-                .log(),
+                .with_log_scale(),
         )
-        .plot(history.plot("blur, radians", &["blur"])?.log())
+        .with_plot(history.plot("blur, radians", &["blur"])?.with_log_scale())
         .write(path)?;
     Ok(())
 }

@@ -106,13 +106,13 @@ pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcom
     };
     let before = predict_and_measure(&validation, &network, &fine, &device)?;
     let trained = Fit::new(network, AdamConfig::new().init(), settings.steps)
-        .seed(arguments.seed)
-        .rate(Rate::cosine(settings.rate))
-        .blur(settings.blur()?)
-        .clip(1.0)
-        .folder(arguments.out.join("mesh_predictor"))
-        .checkpoint_every(25)
-        .restart(!arguments.resume)
+        .with_seed(arguments.seed)
+        .with_rate(Rate::cosine(settings.rate))
+        .with_blur(settings.blur()?)
+        .with_clip(1.0)
+        .with_folder(arguments.out.join("mesh_predictor"))
+        .with_checkpoint_every(25)
+        .with_restart(!arguments.resume)
         .run(|network: &Network, step: &_| trainer.evaluate(network, step))?;
 
     let network = &trained.module;

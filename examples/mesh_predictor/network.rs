@@ -145,8 +145,8 @@ impl Decoder {
         let local = self.ball.vertices.clone().unsqueeze::<3>() + offsets;
         let placed = |i: usize| {
             let pose = Transform::new()
-                .six_d(row(&code.rotation, i))
-                .translation(row(&code.translation, i));
+                .with_six_d(row(&code.rotation, i))
+                .with_translation(row(&code.translation, i));
             pose.apply(local.clone().slice([i..i + 1]).squeeze_dim(0))
         };
         Bodies {

@@ -29,7 +29,7 @@ impl Eye {
     };
 
     pub fn camera(self) -> Camera {
-        Camera::look_at(on_sphere(self, DISTANCE), [0.0; 3]).fov_y(FOV)
+        Camera::look_at(on_sphere(self, DISTANCE), [0.0; 3]).with_fov_y(FOV)
     }
 }
 
@@ -61,7 +61,8 @@ impl Light {
         let corner = |x: f64, y: f64| (center + HALF_LAMP * (x * right + y * up)).to_array();
         let [a, b, c, d] =
             [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)].map(|(x, y)| corner(x, y));
-        Object::new(shapes::quad(a, b, c, d, device)).material(Material::emitter(self.radiance))
+        Object::new(shapes::quad(a, b, c, d, device))
+            .with_material(Material::emitter(self.radiance))
     }
 }
 
@@ -72,18 +73,20 @@ pub const BODY: &str = "body";
 pub fn scene(body: Mesh, color: impl Into<softray::scene::ColorTexture>, light: &Light) -> Scene {
     let device = body.vertices.device().inner();
     Scene::new()
-        .with(
+        .with_object(
             Object::new(body)
-                .named(BODY)
-                .material(Material::diffuse(color)),
+                .with_name(BODY)
+                .with_material(Material::diffuse(color)),
         )
-        .with(light.lamp(&device))
-        .environment(light.environment)
+        .with_object(light.lamp(&device))
+        .with_environment(light.environment)
 }
 
 /// Returns options for direct light only, with `samples` paths per pixel.
 pub fn options(samples: u32) -> RenderOptions {
-    RenderOptions::new(SIZE, SIZE).bounces(0).samples(samples)
+    RenderOptions::new(SIZE, SIZE)
+        .with_bounces(0)
+        .with_samples(samples)
 }
 
 /// The images of a batch.

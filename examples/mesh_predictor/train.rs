@@ -117,13 +117,13 @@ impl Trainer<'_> {
         };
         let value = |t: &Tensor<1>| t.clone().into_scalar::<f32>().into();
         Ok(Evaluation::new(parts.sum())
-            .value("image", value(&parts.image))
-            .value("silhouette", value(&parts.silhouette))
-            .value("normals", value(&parts.normals))
-            .value("IoU input", validated[0])
-            .value("IoU other", validated[1])
-            .value(NETWORK_SECONDS, predicted.as_secs_f64())
-            .value(RENDER_SECONDS, rendered.as_secs_f64()))
+            .with_value("image", value(&parts.image))
+            .with_value("silhouette", value(&parts.silhouette))
+            .with_value("normals", value(&parts.normals))
+            .with_value("IoU input", validated[0])
+            .with_value("IoU other", validated[1])
+            .with_value(NETWORK_SECONDS, predicted.as_secs_f64())
+            .with_value(RENDER_SECONDS, rendered.as_secs_f64()))
     }
 }
 
@@ -194,8 +194,8 @@ mod tests {
             Ok(GradientsParams::from_grads(gradients, network))
         };
         Fit::new(network, SgdConfig::new().init(), 1)
-            .blur(settings.blur().expect("a schedule"))
-            .progress(false)
+            .with_blur(settings.blur().expect("a schedule"))
+            .with_progress(false)
             .run(|network: &Network, step: &_| {
                 let found = gradients(network, step)?;
                 let mut sizes = Sizes {

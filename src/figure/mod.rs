@@ -40,10 +40,10 @@ const PLOTS_IN_A_ROW: usize = 3;
 /// let dark = HostImage::new(2, 2, vec![0.2; 12])?;
 /// let bright = HostImage::new(2, 2, vec![0.7; 12])?;
 /// let figure = Figure::new("A figure")
-///     .height(128)
-///     .row([("dark", &dark), ("bright", &bright)])
-///     .row([Panel::difference("dark − bright", &dark, &bright)?])
-///     .plot(Plot::new("decay", "step", "").log().curve("", (0..9).map(|k| (k as f64, 0.5f64.powi(k)))));
+///     .with_height(128)
+///     .with_row([("dark", &dark), ("bright", &bright)])
+///     .with_row([Panel::difference("dark − bright", &dark, &bright)?])
+///     .with_plot(Plot::new("decay", "step", "").with_log_scale().with_curve("", (0..9).map(|k| (k as f64, 0.5f64.powi(k)))));
 /// let image: HostImage = figure.image()?;
 /// assert!(image.width > 256);
 /// let path = std::env::temp_dir().join(format!("softray-figure-{}.png", std::process::id()));
@@ -71,20 +71,20 @@ impl Figure {
     }
 
     /// Sets the approximate height, in pixels, of the images in later rows; 256 by default.
-    pub fn height(mut self, height: usize) -> Self {
+    pub fn with_height(mut self, height: usize) -> Self {
         self.height = height;
         self
     }
 
     /// Adds a row of panels, or of pairs of a caption and an image.
-    pub fn row<P: Into<Panel>>(mut self, panels: impl IntoIterator<Item = P>) -> Self {
+    pub fn with_row<P: Into<Panel>>(mut self, panels: impl IntoIterator<Item = P>) -> Self {
         let panels = panels.into_iter().map(Into::into).collect();
         self.rows.push((self.height, panels));
         self
     }
 
     /// Adds a plot. Plots are below all images, up to three per row.
-    pub fn plot(mut self, plot: Plot) -> Self {
+    pub fn with_plot(mut self, plot: Plot) -> Self {
         self.plots.push(plot);
         self
     }
@@ -92,7 +92,7 @@ impl Figure {
     /// Writes the figure to a `.png` or `.exr` file. The file appears under its name only when it is complete.
     ///
     /// # Errors
-    /// Like [`Figure::image`], or if the file can't be written.
+    /// Like [`Figure::with_image`], or if the file can't be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         HostImage::check_path(&path)?;
         self.image()?.write(path)

@@ -45,7 +45,7 @@ impl Panel {
     }
 
     /// Makes a panel of height · width signed numbers, row by row from the top, such as a derivative or a difference.
-    /// Its color map is [`Diverging::of`] the numbers unless [`Panel::colors`] sets another.
+    /// Its color map is [`Diverging::of`] the numbers unless [`Panel::with_colors`] sets another.
     pub fn signed(
         caption: impl Into<String>,
         width: usize,
@@ -84,7 +84,7 @@ impl Panel {
 
     /// Sets the color map of a signed image, so that several images can share a scale. An image of radiance does not
     /// change.
-    pub fn colors(mut self, map: Diverging) -> Self {
+    pub fn with_colors(mut self, map: Diverging) -> Self {
         if let Content::Signed(.., colors) = &mut self.content {
             *colors = map;
         }
@@ -284,7 +284,7 @@ mod tests {
         assert!((scale - 0.3).abs() < 1e-6, "{scale}");
         let colors = panel.image().expect("an image").pixels;
         assert!(colors[0] < colors[2] && colors[3] > colors[5]);
-        let wide = panel.colors(Diverging::new(3.0).expect("a map"));
+        let wide = panel.with_colors(Diverging::new(3.0).expect("a map"));
         assert_eq!(wide.map().expect("a map").scale(), 3.0);
         assert!(wide.image().expect("an image").pixels[0] > colors[0]);
     }

@@ -57,14 +57,14 @@ impl Plot {
     }
 
     /// Makes the y axis logarithmic. Values that are not positive are omitted.
-    pub fn log(mut self) -> Self {
+    pub fn with_log_scale(mut self) -> Self {
         self.log = true;
         self
     }
 
     /// Adds a curve through points (x, y). Points that are not finite are omitted, and a single point is a dot. A curve
     /// with an empty name is not in the legend.
-    pub fn curve(
+    pub fn with_curve(
         mut self,
         name: impl Into<String>,
         points: impl IntoIterator<Item = (f64, f64)>,
@@ -75,7 +75,7 @@ impl Plot {
     }
 
     /// Adds a horizontal dashed line, such as a goal or a limit.
-    pub fn line(mut self, name: impl Into<String>, y: f64) -> Self {
+    pub fn with_line(mut self, name: impl Into<String>, y: f64) -> Self {
         self.lines.push((name.into(), y));
         self
     }

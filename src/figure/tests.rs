@@ -7,31 +7,31 @@ fn flat(width: usize, height: usize, value: f32) -> HostImage {
 fn decay(title: &str) -> Plot {
     let points = (0..200).map(|k| (f64::from(k), (-0.05 * f64::from(k)).exp()));
     Plot::new(title, "step", "loss")
-        .log()
-        .curve("a curve", points)
+        .with_log_scale()
+        .with_curve("a curve", points)
 }
 
 /// A figure with all features and a given text everywhere.
 fn full(text: &str) -> Figure {
     let values: Vec<f64> = (0..64).map(|k| f64::from(k) - 32.0).collect();
-    let mut plot = decay(text).line(text, 0.01);
+    let mut plot = decay(text).with_line(text, 0.01);
     for k in 0..9 {
-        plot = plot.curve(
+        plot = plot.with_curve(
             format!("{text} {k}"),
             [(0.0, 1.0), (200.0, 0.1 + f64::from(k))],
         );
     }
     Figure::new(text)
-        .height(64)
-        .row([(text, &flat(8, 8, 0.4)), ("", &flat(3, 2, 0.9))])
-        .row([
+        .with_height(64)
+        .with_row([(text, &flat(8, 8, 0.4)), ("", &flat(3, 2, 0.9))])
+        .with_row([
             Panel::signed(text, 8, 8, values),
             Panel::new(text, &flat(64, 16, 2.0)),
         ])
-        .plot(plot)
-        .plot(Plot::new(text, text, text).curve("", [(1.0, f64::NAN)]))
-        .plot(decay("b"))
-        .plot(decay("c"))
+        .with_plot(plot)
+        .with_plot(Plot::new(text, text, text).with_curve("", [(1.0, f64::NAN)]))
+        .with_plot(decay("b"))
+        .with_plot(decay("c"))
 }
 
 /// The margins stay empty, so no text leaves the page.
@@ -56,7 +56,7 @@ fn margins_stay_white() {
 /// The color scale is beside the image, from red at the top to blue at the bottom.
 #[test]
 fn signed_images_have_a_scale_beside_them() {
-    let figure = |panel: Panel| Figure::new("").row([panel]).image().expect("a figure");
+    let figure = |panel: Panel| Figure::new("").with_row([panel]).image().expect("a figure");
     let signed = figure(Panel::signed("", 4, 4, [1.0; 16]));
     let plain = figure(Panel::new("", &flat(4, 4, 0.5)));
     assert_eq!(signed.height, plain.height);
@@ -90,8 +90,8 @@ fn signed_images_have_a_scale_beside_them() {
 /// A curve's end points are at the ends of the axes.
 #[test]
 fn curves_fill_their_frames() {
-    let plot = Plot::new("", "", "").curve("", [(0.0, 0.0), (1.0, 1.0)]);
-    let image = Figure::new("").plot(plot).image().expect("a figure");
+    let plot = Plot::new("", "", "").with_curve("", [(0.0, 0.0), (1.0, 1.0)]);
+    let image = Figure::new("").with_plot(plot).image().expect("a figure");
     let blue = |i: &usize| {
         let p = &image.pixels[3 * i..3 * i + 3];
         p[2] > p[0] + 0.2
@@ -105,7 +105,7 @@ fn curves_fill_their_frames() {
 #[test]
 fn mistakes_are_named() {
     let folder = std::env::temp_dir().join(format!("softray-figure-{}", std::process::id()));
-    let figure = Figure::new("").row([("gray", &flat(2, 2, 0.5))]);
+    let figure = Figure::new("").with_row([("gray", &flat(2, 2, 0.5))]);
     let missing = figure.write(folder.join("a.png")).expect_err("no folder");
     assert!(
         missing.to_string().contains("there is no folder"),
@@ -120,12 +120,12 @@ fn mistakes_are_named() {
     assert_eq!(std::fs::read_dir(&folder).expect("a folder").count(), 1);
     std::fs::remove_dir_all(&folder).expect("a folder");
     let large = Figure::new("")
-        .height(1 << 20)
-        .row([("", &flat(2, 1, 0.0))]);
+        .with_height(1 << 20)
+        .with_row([("", &flat(2, 1, 0.0))]);
     let error = large.image().expect_err("too large").to_string();
     assert!(error.contains("figure: size is"), "{error}");
     let empty = Figure::new("")
-        .row(Vec::<Panel>::new())
+        .with_row(Vec::<Panel>::new())
         .image()
         .expect("a page");
     assert_eq!(empty.height, 2 * MARGIN);

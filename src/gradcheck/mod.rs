@@ -23,15 +23,15 @@ pub use settings::GradCheck;
 /// use softray::gradcheck::{Checked, GradCheck, gradcheck};
 /// use softray::prelude::*;
 ///
-/// let options = RenderOptions::new(8, 8).samples(4).bounces(0);
-/// let settings = GradCheck::new(options, &Device::flex()).precision(0.1).seeds(16, 256);
+/// let options = RenderOptions::new(8, 8).with_samples(4).with_bounces(0);
+/// let settings = GradCheck::new(options, &Device::flex()).with_precision(0.1).with_seeds(16, 256);
 /// let parameters = [Checked::new("albedo", [0.5], 0.05)];
 /// let report = gradcheck(&parameters, &settings, |point| {
 ///     let ball = shapes::icosahedron(&point.device).cast(point.dtype);
 ///     let albedo = point.get("albedo")?.expand([3]);
 ///     let scene = Scene::new()
-///         .with(Object::new(ball).material(Material::diffuse(albedo)))
-///         .environment([1.0; 3]);
+///         .with_object(Object::new(ball).with_material(Material::diffuse(albedo)))
+///         .with_environment([1.0; 3]);
 ///     Ok((scene, Camera::look_at([0.0, 0.0, 4.0], [0.0; 3])))
 /// })?;
 /// println!("{report}");

@@ -28,7 +28,7 @@ impl Checked {
 
     /// Checks one directional derivative instead of each component's derivative. This suits parameters with many
     /// components, such as vertices. `direction` has one finite number per value.
-    pub fn along(mut self, direction: impl Into<Vec<f64>>) -> Self {
+    pub fn with_direction(mut self, direction: impl Into<Vec<f64>>) -> Self {
         self.direction = Some(direction.into());
         self
     }

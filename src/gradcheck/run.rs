@@ -55,7 +55,7 @@ pub(super) struct Run<'a, F> {
 impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
     fn objective(&self, point: &Point, seed: u64) -> Result<Tensor<1>> {
         let (scene, camera) = (self.build)(point)?;
-        let image = render(&scene, &camera, &self.options.clone().seed(seed))?;
+        let image = render(&scene, &camera, &self.options.clone().with_seed(seed))?;
         Ok((self.settings.objective)(image.radiance))
     }
 

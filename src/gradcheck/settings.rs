@@ -61,28 +61,28 @@ impl GradCheck {
 
     /// Sets the precision, as a fraction of the difference (0.01 by default). Renders are added until the standard
     /// error of gradient − difference is at most this.
-    pub fn precision(mut self, share: f64) -> Self {
+    pub fn with_precision(mut self, share: f64) -> Self {
         self.precision = share;
         self
     }
 
     /// Sets the tolerance, as a fraction of the difference (0.03 by default). It allows for the error of finite steps.
     /// A disagreement exceeds both the tolerance and 3.5 standard errors.
-    pub fn tolerance(mut self, share: f64) -> Self {
+    pub fn with_tolerance(mut self, share: f64) -> Self {
         self.tolerance = share;
         self
     }
 
     /// Sets the minimum and maximum number of seeds (32 and 4,096 by default, at least 2). Per seed, a gradient takes
     /// one render and a difference two.
-    pub fn seeds(mut self, least: u64, most: u64) -> Self {
+    pub fn with_seeds(mut self, least: u64, most: u64) -> Self {
         self.least = least.max(2);
         self.budget = most.max(least).max(2);
         self
     }
 
     /// Checks only the parameters with these names. The others are constants of the scene.
-    pub fn only(mut self, names: &[&str]) -> Self {
+    pub fn with_parameters(mut self, names: &[&str]) -> Self {
         self.only = Some(names.iter().map(|n| (*n).to_owned()).collect());
         self
     }
@@ -94,7 +94,10 @@ impl GradCheck {
     }
 
     /// Sets the differentiated function, from the radiance `[H, W, 3]` to a scalar `[1]`.
-    pub fn objective(mut self, f: impl Fn(Tensor<3>) -> Tensor<1> + Send + Sync + 'static) -> Self {
+    pub fn with_objective(
+        mut self,
+        f: impl Fn(Tensor<3>) -> Tensor<1> + Send + Sync + 'static,
+    ) -> Self {
         self.objective = Arc::new(f);
         self
     }

@@ -23,13 +23,13 @@ const TICKS_PER_SECOND: f64 = 100.0;
 /// # use softray::prelude::*;
 /// use softray::io::Animation;
 /// # let device = Device::flex();
-/// # let scene = Scene::new().with(Object::new(shapes::cube(&device))).environment([1.0; 3]);
+/// # let scene = Scene::new().with_object(Object::new(shapes::cube(&device))).with_environment([1.0; 3]);
 /// // A turntable: the camera goes once about the y axis.
 /// let cameras = (0..48).map(|i| {
 ///     let (sin, cos) = (f64::from(i) / 48.0 * std::f64::consts::TAU).sin_cos();
 ///     Camera::look_at([4.0 * sin, 2.0, 4.0 * cos], [0.0, 0.0, 0.0])
 /// });
-/// let options = RenderOptions::new(256, 256).samples(64);
+/// let options = RenderOptions::new(256, 256).with_samples(64);
 /// Animation::render(&scene, cameras, &options)?.write("turntable.gif")?;
 /// # Ok::<(), softray::Error>(())
 /// ```
@@ -92,7 +92,7 @@ impl Animation {
     }
 
     /// Sets the number of frames per second, in (0, 50].
-    pub fn frames_per_second(mut self, frames_per_second: f64) -> Self {
+    pub fn with_frames_per_second(mut self, frames_per_second: f64) -> Self {
         self.frames_per_second = frames_per_second;
         self
     }

@@ -54,7 +54,7 @@ impl Builder<'_> {
                 list
             }
         };
-        let mut built = Object::new(mesh).named(object.name.clone());
+        let mut built = Object::new(mesh).with_name(object.name.clone());
         if materials.len() > 1 {
             built.face_materials = face_materials;
         }

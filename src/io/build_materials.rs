@@ -66,20 +66,20 @@ impl<'a> Materials<'a> {
         let description = index.and_then(|i| self.description.materials.get(i));
         let made = match description {
             Some(description) => self.make(description)?,
-            None => Material::default().named("default"),
+            None => Material::default().with_name("default"),
         };
         self.made.insert(index, made.clone());
         Ok(made)
     }
 
     fn make(&mut self, from: &MaterialDescription) -> Result<Material> {
-        let material = self.bsdf(from)?.named(from.name.clone());
-        let mut material = material.compensated(from.compensated);
+        let material = self.bsdf(from)?.with_name(from.name.clone());
+        let mut material = material.with_compensated(from.compensated);
         let (map, scale) = from.normal.unzip();
         if let (Some(TextureUse { image, wrap }), Some(scale)) = (self.textures.found(map)?, scale)
         {
             let texels = self.textures.tilts(image, scale)?;
-            material = material.normal_map(texels, 1.0);
+            material = material.with_normal_map(texels, 1.0);
             material.normal_map = material.normal_map.map(|map| NormalMap { wrap, ..map });
         }
         material.alpha_mask = self.mask(from)?;

@@ -87,7 +87,7 @@ pub(super) fn check_size(
         return Ok(());
     }
     let message = format!(
-        "it has {width} × {height} pixels, more than {most}: LoadLimits::pixels raises the limit"
+        "it has {width} × {height} pixels, more than {most}: LoadLimits::with_pixels raises the limit"
     );
     Err(Error::format(path, message))
 }

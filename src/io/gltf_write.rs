@@ -31,7 +31,7 @@ const ESCAPED: &AsciiSet = &NON_ALPHANUMERIC
 pub(super) fn mesh(mesh: &Mesh, path: &Path) -> Result<()> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     scene(
-        &Scene::new().with(Object::new(mesh.clone()).named(stem)),
+        &Scene::new().with_object(Object::new(mesh.clone()).with_name(stem)),
         path,
     )
 }

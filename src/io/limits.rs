@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 ///
 /// ```
 /// use softray::prelude::*;
-/// let limits = LoadLimits::default().pixels(1 << 28).outside(true);
+/// let limits = LoadLimits::default().with_pixels(1 << 28).with_outside(true);
 /// # let _ = limits;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,7 +70,7 @@ impl Memory {
         let most = limits.memory.unwrap_or(least);
         match self.taken > most {
             true => Err(format!(
-                "takes about {} bytes in memory with what comes before it, more than {most}: LoadLimits::memory \
+                "takes about {} bytes in memory with what comes before it, more than {most}: LoadLimits::with_memory \
                  raises the limit",
                 self.taken
             )),
@@ -95,25 +95,25 @@ impl Default for LoadLimits {
 
 impl LoadLimits {
     /// Sets the largest number of pixels of an image, 2²⁷ (11,585²) by default.
-    pub fn pixels(self, pixels: u64) -> Self {
+    pub fn with_pixels(self, pixels: u64) -> Self {
         Self { pixels, ..self }
     }
 
     /// Sets the largest size in bytes of a text or data file (OBJ, MTL, JSON, glTF and its buffers, PLY), 2³⁰ by
     /// default.
-    pub fn text_bytes(self, text_bytes: u64) -> Self {
+    pub fn with_text_bytes(self, text_bytes: u64) -> Self {
         Self { text_bytes, ..self }
     }
 
     /// Sets the largest number of triangles of an OBJ, glTF or PLY file, 2²⁶ by default. Each instance of a mesh
     /// counts.
-    pub fn triangles(self, triangles: u64) -> Self {
+    pub fn with_triangles(self, triangles: u64) -> Self {
         Self { triangles, ..self }
     }
 
     /// Sets the largest number of corners of a concave polygon, 2¹⁴ by default. All concave polygons with over 1,024
     /// corners also share this limit: the squares of their numbers of corners, by which their time grows, are summed.
-    pub fn corners(self, corners: u64) -> Self {
+    pub fn with_corners(self, corners: u64) -> Self {
         Self { corners, ..self }
     }
 
@@ -121,7 +121,7 @@ impl LoadLimits {
     ///
     /// Each instance of a mesh counts. The default is 3·2²⁸, or 64 times the size of the file with all files that it
     /// refers to if that is more. A small file may use an image or an array many times.
-    pub fn memory(self, bytes: u64) -> Self {
+    pub fn with_memory(self, bytes: u64) -> Self {
         Self {
             memory: Some(bytes),
             ..self
@@ -132,12 +132,12 @@ impl LoadLimits {
     ///
     /// These faults are errors in strict loading and warnings otherwise: missing or malformed textures (and materials
     /// in OBJ), missing texture coordinates or normals, and faces with fewer than three corners.
-    pub fn strict(self, strict: bool) -> Self {
+    pub fn with_strict(self, strict: bool) -> Self {
         Self { strict, ..self }
     }
 
     /// Sets whether a file may refer to files outside its own folder (false by default).
-    pub fn outside(self, outside: bool) -> Self {
+    pub fn with_outside(self, outside: bool) -> Self {
         Self { outside, ..self }
     }
 
@@ -156,7 +156,7 @@ impl LoadLimits {
         match count <= most {
             true => Ok(()),
             false => Err(format!(
-                "there are more than {most} triangles: LoadLimits::triangles raises the limit"
+                "there are more than {most} triangles: LoadLimits::with_triangles raises the limit"
             )),
         }
     }
@@ -177,7 +177,7 @@ impl LoadLimits {
             file,
             format!(
                 "it is named by {named_by} but lies outside of {}: it is read only with \
-                 LoadLimits::outside(true)",
+                 LoadLimits::with_outside(true)",
                 folder.display()
             ),
         ))
@@ -211,8 +211,9 @@ pub(crate) fn read_bytes(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>> {
         read.map_err(Error::io(path))?;
     }
     if length.max(bytes.len() as u64) > most {
-        let message =
-            format!("it has more than {most} bytes, the limit: LoadLimits::text_bytes raises it");
+        let message = format!(
+            "it has more than {most} bytes, the limit: LoadLimits::with_text_bytes raises it"
+        );
         return Err(Error::format(path, message));
     }
     Ok(bytes)

@@ -85,7 +85,7 @@ impl Polygons {
         };
         let most = self.most;
         Err(format!(
-            "{found}, more than {most}: LoadLimits::corners raises the limit"
+            "{found}, more than {most}: LoadLimits::with_corners raises the limit"
         ))
     }
 }

@@ -22,7 +22,7 @@ impl Image {
     /// ```no_run
     /// # use softray::prelude::*;
     /// # let device = Device::flex();
-    /// # let scene = Scene::new().with(Object::new(shapes::cube(&device)));
+    /// # let scene = Scene::new().with_object(Object::new(shapes::cube(&device)));
     /// # let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]);
     /// let image = render(&scene, &camera, &RenderOptions::new(64, 64).with_depth())?;
     /// image.write("image.exr")?;

@@ -173,7 +173,7 @@ impl Scene {
     ///   exponent is 1. If `Kd` + `Ks` is above 1 (with textures: at any texel), `Ks` is scaled down. Surfaces
     ///   without `Kd` or material are mid-gray like [`Material::default`](crate::scene::Material::default), or white
     ///   if the file has vertex colors. Missing or malformed materials and textures are left out, unless limits are
-    ///   [strict](LoadLimits::strict).
+    ///   [strict](LoadLimits::with_strict).
     /// - `.gltf`, `.glb`: every node with a mesh becomes an object in world space, with a material per face. Every
     ///   node with a light (KHR_lights_punctual) becomes a light; candela and lux count as radiant intensity and
     ///   irradiance. glTF splits vertices at seams of normals or texture coordinates; vertices at the same position
@@ -270,9 +270,9 @@ impl SceneFile {
                 (Some(file), _) => {
                     let file = limits.beside(path, file)?;
                     let map = HostImage::read_within(file, limits)?.into_tensor(device);
-                    scene.environment(Environment::map(map))
+                    scene.with_environment(Environment::map(map))
                 }
-                (None, Some(radiance)) => scene.environment(radiance),
+                (None, Some(radiance)) => scene.with_environment(radiance),
                 (None, None) => {
                     let message = format!(
                         "environment is {value}, expected three numbers or the name of an image"
@@ -282,7 +282,7 @@ impl SceneFile {
             };
         }
         for light in document.lights {
-            scene = scene.light(light.build());
+            scene = scene.with_light(light.build());
         }
         let known = |scene: &Scene, field: &str, name: &str| {
             if scene.object(name).is_some() {
@@ -294,7 +294,7 @@ impl SceneFile {
         };
         for (name, velocity) in document.velocities {
             known(&scene, "velocities", &name)?;
-            scene = scene.map_object(&name, |o| o.velocity(velocity))?;
+            scene = scene.map_object(&name, |o| o.with_velocity(velocity))?;
         }
         let place = Place {
             path,
@@ -304,7 +304,7 @@ impl SceneFile {
         for (name, material) in document.materials {
             known(&scene, "materials", &name)?;
             let material = material.build(&name, &place)?;
-            scene = scene.map_object(&name, |o| o.material(material.clone()))?;
+            scene = scene.map_object(&name, |o| o.with_material(material.clone()))?;
         }
         let (width, height) = (camera.width, camera.height);
         let camera = camera.build();
@@ -357,13 +357,13 @@ impl LightDocument {
 impl CameraDocument {
     fn build(self) -> Camera {
         let camera = Camera::look_at(self.eye, self.target)
-            .up(self.up)
-            .fov_y(self.fov_y_degrees);
+            .with_up(self.up)
+            .with_fov_y(self.fov_y_degrees);
         match self.aperture_radius {
             Some(radius) => {
                 let target = glam::DVec3::from(self.target);
                 let to_target = target.distance(glam::DVec3::from(self.eye));
-                camera.thin_lens(radius, self.focus_distance.unwrap_or(to_target))
+                camera.with_thin_lens(radius, self.focus_distance.unwrap_or(to_target))
             }
             None => camera,
         }

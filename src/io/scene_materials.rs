@@ -110,6 +110,6 @@ impl MaterialDocument {
                 })
             }
         };
-        Ok(material.named(object))
+        Ok(material.with_name(object))
     }
 }

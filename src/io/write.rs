@@ -64,7 +64,7 @@ impl Scene {
     /// ```no_run
     /// # use softray::prelude::*;
     /// # let device = Device::flex();
-    /// let scene = Scene::new().with(Object::new(shapes::cube(&device)).named("cube"));
+    /// let scene = Scene::new().with_object(Object::new(shapes::cube(&device)).with_name("cube"));
     /// scene.write("cube.glb")?;
     /// let same = Scene::load("cube.glb", &device)?;
     /// # Ok::<(), softray::Error>(())

@@ -27,7 +27,7 @@ fn a_textured_emitter_is_chosen_by_its_mean_radiance() {
         let corners = [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
         let uvs = Tensor::<2>::from_floats(uvs, &device);
         let mesh = Mesh::from_host(&corners, vec![[0, 1, 2]], &device).with_uvs(uvs);
-        Object::new(mesh).material(Material::emitter(emission))
+        Object::new(mesh).with_material(Material::emitter(emission))
     };
     let uvs = [
         [[0.3f32, 0.2], [0.7, 0.3], [0.5, 0.8]],
@@ -35,9 +35,9 @@ fn a_textured_emitter_is_chosen_by_its_mean_radiance() {
     ];
     let constant = 0.75;
     let scene = Scene::new()
-        .with(triangle(uvs[0], 0.0, texture.clone()))
-        .with(triangle(uvs[1], 1.0, texture))
-        .with(triangle([[0.0; 2]; 3], 2.0, [constant; 3].into()));
+        .with_object(triangle(uvs[0], 0.0, texture.clone()))
+        .with_object(triangle(uvs[1], 1.0, texture))
+        .with_object(triangle([[0.0; 2]; 3], 2.0, [constant; 3].into()));
     let mut host = HostScene::new(&scene).expect("values");
     let packed = KernelScene::new(
         &mut host,

@@ -223,7 +223,7 @@ impl View {
             ONCE.call_once(|| {
                 log::warn!(
                     "the shadows of point, spot and directional lights have hard edges without cones, and \
-                     gradients leave out that these move: render with an angle (RenderOptions::visibility, \
+                     gradients leave out that these move: render with an angle (RenderOptions::with_visibility, \
                      Visibility::cone)"
                 );
             });

@@ -47,7 +47,7 @@ impl CameraParamsConfig {
     pub fn init(&self, device: &Device) -> Result<CameraParams> {
         Range::Degrees(1, 170).check("camera", "fov_y", &[self.fov_y])?;
         Camera::look_at(self.eye, self.target)
-            .up(self.up)
+            .with_up(self.up)
             .check(None)?;
         if let Some([aperture, focus]) = self.lens {
             Range::Positive.check("camera", "aperture radius", &[aperture])?;
@@ -186,9 +186,11 @@ impl CameraParams {
             Aim::Direction(direction) => eye.clone() + direction.val(),
         };
         let fov = sigmoid(self.fov.val()) * (FOV[1] - FOV[0]) + FOV[0];
-        let camera = Camera::look_at(eye, target).up(self.up.val()).fov_y(fov);
+        let camera = Camera::look_at(eye, target)
+            .with_up(self.up.val())
+            .with_fov_y(fov);
         match &self.lens {
-            Some(lens) => camera.thin_lens(
+            Some(lens) => camera.with_thin_lens(
                 positive(lens.log_aperture.val()),
                 positive(lens.log_focus.val()),
             ),

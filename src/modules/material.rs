@@ -125,7 +125,7 @@ impl MaterialParamsConfig {
 ///     .with_diffuse([0.6, 0.3, 0.1])
 ///     .with_specular(Some([0.2, 0.2, 0.2]))
 ///     .init(&device)?;
-/// let object = Object::new(shapes::cube(&Device::flex())).material(params.material());
+/// let object = Object::new(shapes::cube(&Device::flex())).with_material(params.material());
 /// # let _ = object;
 /// # Ok::<(), softray::Error>(())
 /// ```
@@ -233,7 +233,7 @@ impl MaterialParams {
             },
         };
         match &self.log_emission {
-            Some(log) => material.emission(positive(log.val())),
+            Some(log) => material.with_emission(positive(log.val())),
             None => material,
         }
     }

@@ -28,8 +28,8 @@
 //!     /// What a training step takes backward: burn's `TrainStep` is this and a call of `TrainOutput::new`.
 //!     fn forward(&self, target: Tensor<3>, seed: u64) -> softray::Result<Tensor<1>> {
 //!         let mesh = shapes::icosahedron(&Device::flex());
-//!         let object = Object::new(self.pose.apply(mesh)).material(self.surface.material());
-//!         let scene = Scene::new().with(object).environment([1.0, 1.0, 1.0]);
+//!         let object = Object::new(self.pose.apply(mesh)).with_material(self.surface.material());
+//!         let scene = Scene::new().with_object(object).with_environment([1.0, 1.0, 1.0]);
 //!         let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]);
 //!         let [a, b] = self.renderer.pair(&scene, &camera, seed)?;
 //!         Ok(self.loss.forward_unbiased(a.radiance, b.radiance, target))
@@ -40,7 +40,7 @@
 //! let ball = Ball {
 //!     pose: RigidTransform::new(&device),
 //!     surface: MaterialParamsConfig::new().init(&device)?,
-//!     renderer: Renderer::new(RenderOptions::new(8, 8).samples(2))?,
+//!     renderer: Renderer::new(RenderOptions::new(8, 8).with_samples(2))?,
 //!     loss: RenderLossConfig::new().init()?,
 //! };
 //! let loss = ball.forward(Tensor::zeros([8, 8, 3], &Device::flex()), 0)?;

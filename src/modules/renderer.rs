@@ -30,12 +30,12 @@ impl Renderer {
         &self.options
     }
 
-    /// Sets the blur ([`RenderOptions::blur`]), for example in a fit whose blur falls over the steps.
+    /// Sets the blur ([`RenderOptions::with_blur`]), for example in a fit whose blur falls over the steps.
     ///
     /// # Errors
     /// If the blur is out of its range.
     pub fn with_blur(mut self, blur: f64) -> Result<Self> {
-        self.options = self.options.blur(blur);
+        self.options = self.options.with_blur(blur);
         self.options.check()?;
         Ok(self)
     }
@@ -86,6 +86,6 @@ impl Renderer {
     fn seeded(&self, render: u64) -> RenderOptions {
         let options = self.options.clone();
         let seed = options.seed.rotate_left(32) ^ render;
-        options.seed(seed)
+        options.with_seed(seed)
     }
 }

@@ -72,7 +72,7 @@ impl TextureParams {
 /// use softray::modules::NormalMapParams;
 /// use softray::prelude::*;
 /// let map = NormalMapParams::flat(16, 32, &Device::flex().autodiff());
-/// let material = Material::default().normal_map(map.texels(), 1.0);
+/// let material = Material::default().with_normal_map(map.texels(), 1.0);
 /// # let _ = material;
 /// ```
 #[derive(Module)]
@@ -90,7 +90,7 @@ impl NormalMapParams {
         }
     }
 
-    /// Creates parameters with the texels of a map `[H, W, 3]` in [−1, 1] (see [`Material::normal_map`]), on
+    /// Creates parameters with the texels of a map `[H, W, 3]` in [−1, 1] (see [`Material::with_normal_map`]), on
     /// its device and in its float type. Slopes beyond ±10 (a tilt of 84° along an axis) start at ±10.
     ///
     /// # Errors
@@ -122,7 +122,7 @@ impl NormalMapParams {
 /// use softray::modules::EnvironmentParams;
 /// use softray::prelude::*;
 /// let sky = EnvironmentParams::uniform(8, 16, 0.5, &Device::flex().autodiff())?;
-/// let scene = Scene::new().environment(sky.environment());
+/// let scene = Scene::new().with_environment(sky.environment());
 /// # let _ = scene;
 /// # Ok::<(), softray::Error>(())
 /// ```

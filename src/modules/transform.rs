@@ -56,7 +56,7 @@ impl RigidTransformConfig {
 ///     .init(&device)
 ///     .with_axis_angle([0.0, 1.0, 0.0], 0.5)?
 ///     .with_translation([0.0, 0.2, 0.0])?
-///     .with_size(0.7)?;
+///     .with_scale(0.7)?;
 /// let cube = pose.apply(shapes::cube(&Device::flex()));
 /// assert!(cube.vertices.is_tracked());
 /// # Ok::<(), softray::Error>(())
@@ -144,7 +144,7 @@ impl RigidTransform {
     ///
     /// # Errors
     /// If it is not a finite number > 0, or the transform has no scale ([`RigidTransformConfig::scale`]).
-    pub fn with_size(mut self, scale: f64) -> Result<Self> {
+    pub fn with_scale(mut self, scale: f64) -> Result<Self> {
         Range::Positive.check(OBJECT, "scale", &[scale])?;
         let Some(log) = self.log_scale else {
             let expected =
@@ -169,13 +169,13 @@ impl RigidTransform {
 
     /// Returns the transform, in the graph of its parameters.
     pub fn transform(&self) -> Transform {
-        let transform = Transform::new().translation(self.translation.val());
+        let transform = Transform::new().with_translation(self.translation.val());
         let transform = match self.form() {
-            RotationForm::SixD => transform.six_d(self.rotation.val()),
-            RotationForm::Quaternion => transform.quaternion(self.rotation.val()),
+            RotationForm::SixD => transform.with_six_d(self.rotation.val()),
+            RotationForm::Quaternion => transform.with_quaternion(self.rotation.val()),
         };
         match &self.log_scale {
-            Some(log) => transform.scale(positive(log.val())),
+            Some(log) => transform.with_scale(positive(log.val())),
             None => transform,
         }
     }

@@ -42,25 +42,25 @@ impl Default for LargeStepsConfig {
 
 impl LargeStepsConfig {
     /// Sets λ, ≥ 0.
-    pub fn lambda(mut self, lambda: f64) -> Self {
+    pub fn with_lambda(mut self, lambda: f64) -> Self {
         self.lambda = lambda;
         self
     }
 
     /// Sets λ = α/(1 − α), for α in [0, 1), since (1 − α)I + αL = (1 − α)(I + λL). The default λ corresponds to
     /// α = 0.95. A learning rate for (1 − α)I + αL is 1 − α times the equivalent learning rate for I + λL.
-    pub fn alpha(self, alpha: f64) -> Self {
-        self.lambda(alpha / (1.0 - alpha))
+    pub fn with_alpha(self, alpha: f64) -> Self {
+        self.with_lambda(alpha / (1.0 - alpha))
     }
 
     /// Sets β₁ and β₂, each in [0, 1).
-    pub fn betas(mut self, beta_1: f64, beta_2: f64) -> Self {
+    pub fn with_betas(mut self, beta_1: f64, beta_2: f64) -> Self {
         (self.beta_1, self.beta_2) = (beta_1, beta_2);
         self
     }
 
     /// Sets ε, > 0.
-    pub fn epsilon(mut self, epsilon: f64) -> Self {
+    pub fn with_epsilon(mut self, epsilon: f64) -> Self {
         self.epsilon = epsilon;
         self
     }
@@ -97,7 +97,7 @@ impl LargeStepsConfig {
 /// The matrix applies to every parameter whose first axis has length V, to each column by itself. Parameters of
 /// other shapes (such as `[3]` or `[B, V, 3]`) use AdamUniform without the matrix. For a batch of meshes, build
 /// one mesh of disjoint parts. Give textures and the vertices of other meshes to another optimizer with
-/// `ModuleOptimizer::with_group`; [`Fit::rate_of`](super::Fit::rate_of) has an example.
+/// `ModuleOptimizer::with_group`; [`Fit::with_rate_of`](super::Fit::with_rate_of) has an example.
 ///
 /// # Panics
 /// A step panics if a parameter has the shape `[W, 3]` of vertices, where W is more than 3 and not V.

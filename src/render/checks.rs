@@ -20,7 +20,7 @@ impl RenderOptions {
             return Ok(());
         }
         let expected = format!(
-            "images within {:.1} GB (RenderOptions::memory_limit); they take {:.1} GB",
+            "images within {:.1} GB (RenderOptions::with_memory_limit); they take {:.1} GB",
             self.memory_limit as f64 / 1e9,
             bytes as f64 / 1e9
         );

@@ -48,7 +48,7 @@ pub fn render(scene: &Scene, camera: &Camera, options: &RenderOptions) -> Result
 /// Renders a list of pixels and returns them side by side as an image `[1, N, 3]`.
 ///
 /// `pixels` holds indices y·width + x into the image of the options, in any order, with or without repeats. Without
-/// [adaptive sampling](RenderOptions::adaptive), each pixel has the same paths as in the whole image.
+/// [adaptive sampling](RenderOptions::with_adaptive), each pixel has the same paths as in the whole image.
 ///
 /// # Errors
 /// Like [`render`], or if the list is empty or a pixel lies outside of the image.
@@ -106,11 +106,11 @@ pub fn render_pixels(
 /// let widths = Tensor::<1>::from_floats([0.8, 1.0, 1.2], &device).autodiff().require_grad();
 /// let vertices = vertices * widths.clone().reshape([3, 1, 1]);
 /// let scene = Scene::new()
-///     .with(Object::new(ball).named("body"))
-///     .environment([1.0, 1.0, 1.0]);
-/// let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+///     .with_object(Object::new(ball).with_name("body"))
+///     .with_environment([1.0, 1.0, 1.0]);
+/// let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).with_fov_y(40.0);
 /// let batch = Batch::new(vec![scene; 3], vec![camera])?.with_vertices("body", vertices)?;
-/// let options = RenderOptions::new(16, 16).samples(2).bounces(0);
+/// let options = RenderOptions::new(16, 16).with_samples(2).with_bounces(0);
 /// let images = render_batch(&batch, &options)?;
 /// assert_eq!(images.radiance.dims(), [3, 16, 16, 3]);
 /// let gradients = images.radiance.mean().backward();

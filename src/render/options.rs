@@ -39,7 +39,7 @@ pub enum Engine {
 /// ```
 /// use burn::config::Config;
 /// use softray::prelude::*;
-/// let options = RenderOptions::new(64, 48).samples(4).with_depth();
+/// let options = RenderOptions::new(64, 48).with_samples(4).with_depth();
 /// let path = std::env::temp_dir().join(format!("softray-{}.json", std::process::id()));
 /// options.save(&path).expect("a file");
 /// let loaded = RenderOptions::load(&path).expect("options");
@@ -57,30 +57,30 @@ pub struct RenderOptions {
     pub width: usize,
     /// The height of images in pixels.
     pub height: usize,
-    /// See [`RenderOptions::samples`].
+    /// See [`RenderOptions::with_samples`].
     pub samples: u32,
-    /// See [`RenderOptions::bounces`].
+    /// See [`RenderOptions::with_bounces`].
     pub bounces: u32,
-    /// See [`RenderOptions::visibility`].
+    /// See [`RenderOptions::with_visibility`].
     pub visibility: Visibility,
-    /// See [`RenderOptions::engine`].
+    /// See [`RenderOptions::with_engine`].
     pub engine: Engine,
-    /// The half-angle of all cones, including those of camera rays, in radians ([`RenderOptions::blur`]). It replaces
+    /// The half-angle of all cones, including those of camera rays, in radians ([`RenderOptions::with_blur`]). It replaces
     /// the angle of `visibility`.
     pub blur: Option<f64>,
-    /// See [`RenderOptions::sampling`].
+    /// See [`RenderOptions::with_sampling`].
     pub sampling: Sampling,
-    /// See [`RenderOptions::seed`].
+    /// See [`RenderOptions::with_seed`].
     pub seed: u64,
-    /// The bounce after which paths may end at random ([`RenderOptions::russian_roulette`]).
+    /// The bounce after which paths may end at random ([`RenderOptions::with_russian_roulette`]).
     pub roulette_after: Option<u32>,
-    /// See [`RenderOptions::rays_per_tile`].
+    /// See [`RenderOptions::with_rays_per_tile`].
     pub rays_per_tile: Option<usize>,
-    /// See [`RenderOptions::adaptive`].
+    /// See [`RenderOptions::with_adaptive`].
     pub adaptive: bool,
-    /// See [`RenderOptions::adaptive_edges`].
+    /// See [`RenderOptions::with_adaptive_edges`].
     pub adaptive_edges: bool,
-    /// The index of a pass and the number of passes ([`RenderOptions::pass`]).
+    /// The index of a pass and the number of passes ([`RenderOptions::with_pass`]).
     pub pass: Option<(u32, u32)>,
     /// The normalization of the softmax to use if it has no bounds.
     #[serde(skip)]
@@ -95,7 +95,7 @@ pub struct RenderOptions {
     pub(super) cache: Option<HierarchyCache>,
     #[serde(skip)]
     pub(super) progress: Progress,
-    /// See [`RenderOptions::memory_limit`].
+    /// See [`RenderOptions::with_memory_limit`].
     pub memory_limit: u64,
 }
 
@@ -167,20 +167,20 @@ impl RenderOptions {
 
     setters! {
         /// Sets the number of samples (paths) per pixel; 16 by default, at least 1.
-        samples(samples: u32) samples = samples;
+        with_samples(samples: u32) samples = samples;
         /// Sets the number of bounces after the first visible surface; 3 by default, at most 10,000. 0 is direct light
         /// only.
-        bounces(bounces: u32) bounces = bounces;
+        with_bounces(bounces: u32) bounces = bounces;
         /// Sets the program that computes the render; [`Engine::Auto`] by default.
-        engine(engine: Engine) engine = engine;
+        with_engine(engine: Engine) engine = engine;
         /// Sets how random numbers, surfaces and emitters are sampled.
-        sampling(sampling: Sampling) sampling = sampling;
+        with_sampling(sampling: Sampling) sampling = sampling;
         /// Sets the seed of the random numbers; 0 by default. The same seed gives the same image.
-        seed(seed: u64) seed = seed;
+        with_seed(seed: u64) seed = seed;
         /// Enables Russian roulette after the given bounce and every later one (0: after the first visible surface).
         /// A path continues with a probability of its largest throughput component, clamped to [0.05, 1]. Off by
         /// default.
-        russian_roulette(after: u32) roulette_after = Some(after);
+        with_russian_roulette(after: u32) roulette_after = Some(after);
         /// Enables adaptive sampling: each pixel has between ¼ and 16 times [`samples`](Self::samples) paths. Off by
         /// default.
         ///
@@ -193,7 +193,7 @@ impl RenderOptions {
         /// Gradients, lists of pixels ([`render_pixels`](super::render_pixels)) and renders with fewer than 32 samples
         /// use `samples` paths for each pixel. With the softmax, [`Engine::Tensors`] or more than 2²⁴ samples, a render
         /// returns an error.
-        adaptive() adaptive = true;
+        with_adaptive() adaptive = true;
         /// Enables or disables adaptive numbers of edge samples in gradients (enabled by default).
         ///
         /// There are three kinds of edges: of shadows, of reflected light, and on the film. An eighth of the pixels
@@ -201,7 +201,7 @@ impl RenderOptions {
         /// number of samples. Gradients stay reproducible, and unbiased up to the dependence of pixels
         /// that share a low-discrepancy sequence. GPUs use the usual numbers, and so does a view
         /// in which the loss depends on fewer than 8,192 paths.
-        adaptive_edges(adaptive: bool) adaptive_edges = adaptive;
+        with_adaptive_edges(adaptive: bool) adaptive_edges = adaptive;
         /// Renders one of several passes over the image for progressive rendering: pass `index` of `passes` has its own
         /// samples, `samples / passes` of each pixel, and the mean of the radiance (and opacity) of all passes is that with
         /// all samples, up to rounding. Depths and normals are means over what each pass hit. A program can thus show
@@ -213,24 +213,24 @@ impl RenderOptions {
         /// ```
         /// use softray::prelude::*;
         /// let (room, camera) = cornell_box(&Device::flex());
-        /// let options = RenderOptions::new(16, 16).samples(64);
+        /// let options = RenderOptions::new(16, 16).with_samples(64);
         /// let whole = render(&room, &camera, &options)?.radiance;
         /// let mut sum = Tensor::<3>::zeros([16, 16, 3], &Device::flex());
         /// for pass in 0..4 {
-        ///     sum = sum + render(&room, &camera, &options.clone().pass(pass, 4))?.radiance;
+        ///     sum = sum + render(&room, &camera, &options.clone().with_pass(pass, 4))?.radiance;
         ///     let _preview = sum.clone() / f64::from(pass + 1);
         /// }
         /// assert!((sum / 4.0 - whole).abs().max().into_scalar::<f32>() < 1e-5);
         /// # Ok::<(), softray::Error>(())
         /// ```
-        pass(index: u32, passes: u32) pass = Some((index, passes));
+        with_pass(index: u32, passes: u32) pass = Some((index, passes));
         /// Sets the maximum number of camera rays per tile, at least 1. It bounds the memory of a render without
         /// gradient: each host thread processes one tile at a time. By default host kernels use 8,192, and tensors
         /// choose it from the number of triangles that they pair with a ray. Kernels on a GPU ignore it.
-        rays_per_tile(rays: usize) rays_per_tile = Some(rays);
+        with_rays_per_tile(rays: usize) rays_per_tile = Some(rays);
         /// Sets the maximum size in bytes of the images of a call; 4 GiB by default. Larger images are an error before
         /// anything is rendered. The size counts radiance, opacity, depth and normals, at 4 bytes per number.
-        memory_limit(bytes: u64) memory_limit = bytes;
+        with_memory_limit(bytes: u64) memory_limit = bytes;
         /// Also returns the opacity `[H, W]`: the fraction of a pixel that surfaces cover, 0 to 1.
         with_opacity() outputs.opacity = true;
         /// Also returns the depth `[H, W]`: the mean distance along the primary rays to the surfaces that they hit, in
@@ -253,14 +253,14 @@ impl RenderOptions {
     /// Sets the half-angle of all cones in radians, in [0, 1.2), for fits that reduce the blur step by step. It also
     /// applies to camera rays if it is wider than the pixel filter. With the softmax, a render returns an error; set
     /// [`SoftmaxOptions::sigma`](super::SoftmaxOptions::sigma) instead.
-    pub fn blur(mut self, angle: f64) -> Self {
+    pub fn with_blur(mut self, angle: f64) -> Self {
         self.blur = Some(angle);
         self
     }
 
     /// Sets the form of visibility: hard surfaces with cones of rays ([`Visibility::cone`]), or the paper's softmax
-    /// ([`Visibility::softmax`], [`SoftmaxOptions`](super::SoftmaxOptions)). It resets [`RenderOptions::blur`].
-    pub fn visibility(mut self, visibility: impl Into<Visibility>) -> Self {
+    /// ([`Visibility::softmax`], [`SoftmaxOptions`](super::SoftmaxOptions)). It resets [`RenderOptions::with_blur`].
+    pub fn with_visibility(mut self, visibility: impl Into<Visibility>) -> Self {
         self.visibility = visibility.into();
         self.blur = None;
         self
@@ -271,7 +271,7 @@ impl RenderOptions {
     pub fn of_view(&self, index: usize) -> Self {
         let seed = self.seed;
         self.clone()
-            .seed(seed.wrapping_add((index as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)))
+            .with_seed(seed.wrapping_add((index as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)))
     }
 
     /// Sets the normalization to use if no bounds are set.
@@ -288,14 +288,14 @@ impl RenderOptions {
     }
 
     /// Sets the cache that keeps prepared data for the next render ([`HierarchyCache`]).
-    pub fn cache(mut self, cache: &HierarchyCache) -> Self {
+    pub fn with_cache(mut self, cache: &HierarchyCache) -> Self {
         self.cache = Some(cache.clone());
         self
     }
 
     /// Sets a callback that runs after each tile of a forward pass with two arguments: the number of finished tiles and
     /// the number of all tiles. Kernels on a GPU do not call it.
-    pub fn progress(mut self, call: impl Fn(usize, usize) + Send + Sync + 'static) -> Self {
+    pub fn with_progress(mut self, call: impl Fn(usize, usize) + Send + Sync + 'static) -> Self {
         self.progress = Progress(Some(Arc::new(call)));
         self
     }

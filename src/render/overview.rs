@@ -29,8 +29,8 @@ const NEARLY: f64 = 0.5;
 /// use softray::prelude::*;
 /// let device = Device::flex();
 /// let scene = Scene::new()
-///     .with(Object::new(shapes::icosphere(1, &device)))
-///     .environment([1.0; 3]);
+///     .with_object(Object::new(shapes::icosphere(1, &device)))
+///     .with_environment([1.0; 3]);
 /// let camera = overview(&scene)?;
 /// assert!(camera.eye.values()?[2] > 1.0);
 /// # Ok::<(), softray::Error>(())
@@ -61,7 +61,7 @@ pub fn overview(scene: &Scene) -> Result<Camera> {
     let wide = |d: &DVec3| (size * *d).length() > 0.0;
     let inside = [z, x, -z, -x].into_iter().filter(wide).map(|d| {
         let eye = center + 0.45 * size * d;
-        Camera::look_at(eye, center - 0.45 * size * d).fov_y(75.0)
+        Camera::look_at(eye, center - 0.45 * size * d).with_fov_y(75.0)
     });
     let (more, view) = best(&scene, inside.collect())?;
     Ok(if more > shown { view } else { camera })
@@ -84,8 +84,8 @@ fn shown(scene: &Scene, cameras: &[Camera]) -> Result<Vec<f64>> {
         return Ok(Vec::new());
     }
     let options = RenderOptions::new(GRID, GRID)
-        .samples(4)
-        .bounces(2)
+        .with_samples(4)
+        .with_bounces(2)
         .with_opacity();
     // One batch packs the scene once.
     let batch = Batch::product(vec![scene.clone()], cameras)?;

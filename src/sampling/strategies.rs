@@ -75,10 +75,10 @@ pub enum SurfaceSampling {
 ///
 /// ```
 /// use softray::prelude::*;
-/// let paper = RenderOptions::new(64, 64).sampling(Sampling::paper());
+/// let paper = RenderOptions::new(64, 64).with_sampling(Sampling::paper());
 /// let mut sampling = Sampling::default();
 /// sampling.sequence = Sequence::Independent;
-/// # let _ = (paper, RenderOptions::new(64, 64).sampling(sampling));
+/// # let _ = (paper, RenderOptions::new(64, 64).with_sampling(sampling));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]

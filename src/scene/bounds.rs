@@ -109,8 +109,8 @@ impl Scene {
     /// use softray::prelude::*;
     /// let device = Device::flex();
     /// let scene = Scene::new()
-    ///     .with(Object::new(shapes::cube(&device)))
-    ///     .with(Object::new(shapes::cube(&device)).velocity([0.0, 4.0, 0.0]));
+    ///     .with_object(Object::new(shapes::cube(&device)))
+    ///     .with_object(Object::new(shapes::cube(&device)).with_velocity([0.0, 4.0, 0.0]));
     /// let bounds = scene.bounds()?;
     /// assert_eq!((bounds.min, bounds.max), ([-1.0; 3], [1.0, 5.0, 1.0]));
     /// # Ok::<(), softray::Error>(())
@@ -157,9 +157,9 @@ mod tests {
             .autodiff()
             .require_grad();
         let scene = Scene::new()
-            .with(Object::new(sheet))
-            .with(Object::new(Mesh::from_host(&corners, vec![], &device)))
-            .with(Object::new(shapes::cube(&device)).velocity(tracked));
+            .with_object(Object::new(sheet))
+            .with_object(Object::new(Mesh::from_host(&corners, vec![], &device)))
+            .with_object(Object::new(shapes::cube(&device)).with_velocity(tracked));
         let bounds = scene.bounds().expect("bounds");
         assert_eq!(
             (bounds.min, bounds.max),
@@ -173,7 +173,7 @@ mod tests {
     fn what_has_no_bounds_is_told() {
         let device = Device::flex();
         let empty = Mesh::from_host(&[[0.0; 3]], vec![], &device);
-        let of = |mesh: Mesh| Scene::new().with(Object::new(mesh).named("it"));
+        let of = |mesh: Mesh| Scene::new().with_object(Object::new(mesh).with_name("it"));
         let cases = [
             (Scene::new().bounds(), "no objects"),
             (of(empty.clone()).bounds(), "no faces"),
@@ -192,7 +192,7 @@ mod tests {
             ),
             (
                 Scene::new()
-                    .with(Object::new(shapes::cube(&device)).velocity([f64::NAN; 3]))
+                    .with_object(Object::new(shapes::cube(&device)).with_velocity([f64::NAN; 3]))
                     .bounds(),
                 "velocity is [NaN, NaN, NaN]",
             ),

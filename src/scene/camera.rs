@@ -70,13 +70,13 @@ impl Camera {
     }
 
     /// Sets the up vector.
-    pub fn up(mut self, up: impl Into<Parameter<3>>) -> Self {
+    pub fn with_up(mut self, up: impl Into<Parameter<3>>) -> Self {
         self.up = up.into();
         self
     }
 
     /// Sets a perspective projection with a vertical field of view in degrees, in (0, 180).
-    pub fn fov_y(mut self, degrees: impl Into<Parameter<1>>) -> Self {
+    pub fn with_fov_y(mut self, degrees: impl Into<Parameter<1>>) -> Self {
         self.projection = Projection::Perspective {
             fov_y: degrees.into(),
         };
@@ -89,11 +89,11 @@ impl Camera {
     /// use softray::prelude::*;
     /// // A plan: a square of 2 × 2 scene units, seen from above.
     /// let camera = Camera::look_at([0.0, 5.0, 0.0], [0.0, 0.0, 0.0])
-    ///     .up([0.0, 0.0, -1.0])
-    ///     .orthographic(2.0);
+    ///     .with_up([0.0, 0.0, -1.0])
+    ///     .with_orthographic(2.0);
     /// # let _ = camera;
     /// ```
-    pub fn orthographic(mut self, height: impl Into<Parameter<1>>) -> Self {
+    pub fn with_orthographic(mut self, height: impl Into<Parameter<1>>) -> Self {
         self.projection = Projection::Orthographic {
             height: height.into(),
         };
@@ -101,7 +101,7 @@ impl Camera {
     }
 
     /// Sets a thin lens. The aperture radius (≥ 0) and the focus distance (> 0) are in scene units.
-    pub fn thin_lens(
+    pub fn with_thin_lens(
         mut self,
         aperture_radius: impl Into<Parameter<1>>,
         focus_distance: impl Into<Parameter<1>>,

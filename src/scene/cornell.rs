@@ -95,7 +95,7 @@ const BLOCKS: [(&str, [[f64; 2]; 4], f64); 2] = [
 /// ```
 /// use softray::prelude::*;
 /// let (room, camera) = softray::scene::cornell_box(&Device::flex());
-/// let image = render(&room, &camera, &RenderOptions::new(16, 16).samples(4))?;
+/// let image = render(&room, &camera, &RenderOptions::new(16, 16).with_samples(4))?;
 /// assert!(image.radiance.mean().into_scalar::<f32>() > 0.1);
 /// # Ok::<(), softray::Error>(())
 /// ```
@@ -109,16 +109,24 @@ pub fn cornell_box(device: &Device) -> (Scene, Camera) {
     let mut scene = Scene::new();
     for (name, quad, albedo) in WALLS {
         let material = Material::diffuse(albedo);
-        scene = scene.with(Object::new(quads(&[quad])).named(name).material(material));
+        scene = scene.with_object(
+            Object::new(quads(&[quad]))
+                .with_name(name)
+                .with_material(material),
+        );
     }
     for (name, corners, height) in BLOCKS {
         let material = Material::diffuse(WHITE);
         let block = Object::new(block(corners, height, device));
-        scene = scene.with(block.named(name).material(material));
+        scene = scene.with_object(block.with_name(name).with_material(material));
     }
-    let lamp = Material::diffuse([0.78; 3]).emission(LAMP);
-    let scene = scene.with(Object::new(quads(&[LIGHT])).named("light").material(lamp));
-    let camera = Camera::look_at([2.78, 2.73, -8.0], [2.78, 2.73, 0.0]).fov_y(39.3077);
+    let lamp = Material::diffuse([0.78; 3]).with_emission(LAMP);
+    let scene = scene.with_object(
+        Object::new(quads(&[LIGHT]))
+            .with_name("light")
+            .with_material(lamp),
+    );
+    let camera = Camera::look_at([2.78, 2.73, -8.0], [2.78, 2.73, 0.0]).with_fov_y(39.3077);
     (scene, camera)
 }
 

@@ -24,7 +24,7 @@ impl Mesh {
     /// let ball = shapes::icosphere(1, &device);
     /// let colors = Tensor::ones([42, 3], &device.clone().autodiff()).require_grad();
     /// let faces = ball.faces.clone();
-    /// let painted = Object::new(ball.with_colors(colors * 0.5, faces)).material(Material::diffuse([1.0; 3]));
+    /// let painted = Object::new(ball.with_colors(colors * 0.5, faces)).with_material(Material::diffuse([1.0; 3]));
     /// # let _ = painted;
     /// ```
     pub fn with_colors(mut self, values: Tensor<2>, faces: impl Into<Arc<Vec<[u32; 3]>>>) -> Self {
@@ -91,7 +91,7 @@ impl Material {
     /// are in the graph of its vertices, normals and texture coordinates. The surface keeps its shape: it is
     /// shaded as if it were tilted, but cos θ is at most four times that to its true normal, so that no light comes
     /// through it.
-    pub fn normal_map(mut self, texels: Tensor<3>, scale: f64) -> Self {
+    pub fn with_normal_map(mut self, texels: Tensor<3>, scale: f64) -> Self {
         let texels = if scale == 1.0 || texels.dims()[2] != 3 {
             texels
         } else {
@@ -109,7 +109,7 @@ impl Material {
     /// The mask has no gradient: the outlines of its holes are not edges of a mesh, and what jumps at them is no part
     /// of any gradient. Where a fit is to move an outline, give it as a mesh. Masks are for cones; a render
     /// by the softmax with one is an error.
-    pub fn alpha_mask(mut self, alpha: Tensor<2>, cutoff: f64) -> Self {
+    pub fn with_alpha_mask(mut self, alpha: Tensor<2>, cutoff: f64) -> Self {
         let wrap = Wrap::Repeat;
         self.alpha_mask = Some(AlphaMask {
             alpha,

@@ -157,7 +157,7 @@ impl HostScene {
         } else if !this.has_light() {
             log::warn!(
                 "the scene has no light, so that its image is black: give it an environment \
-                 (Scene::environment), a Light (Scene::light), or an object a Material::emitter"
+                 (Scene::with_environment), a Light (Scene::with_light), or an object a Material::emitter"
             );
         }
         Ok(this)

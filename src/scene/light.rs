@@ -10,7 +10,7 @@ use super::texture::Value;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, sin_cos};
 
-/// A delta light (point, spot or directional), added by [`Scene::light`](super::Scene::light).
+/// A delta light (point, spot or directional), added by [`Scene::with_light`](super::Scene::with_light).
 ///
 /// Its light arrives at a point from a single direction, so that cameras and mirrors don't show it. All parameters may
 /// be tracked tensors.
@@ -24,9 +24,9 @@ use crate::geometry::{Context, Vec3, sin_cos};
 /// use softray::prelude::*;
 /// let device = Device::flex();
 /// let scene = Scene::new()
-///     .with(Object::new(shapes::cube(&device)))
-///     .light(Light::point([2.0, 3.0, 2.0], [20.0, 18.0, 15.0]))
-///     .light(Light::directional([0.0, -1.0, 0.3], [0.5, 0.5, 0.6]));
+///     .with_object(Object::new(shapes::cube(&device)))
+///     .with_light(Light::point([2.0, 3.0, 2.0], [20.0, 18.0, 15.0]))
+///     .with_light(Light::directional([0.0, -1.0, 0.3], [0.5, 0.5, 0.6]));
 /// assert!(scene.has_light());
 /// ```
 #[derive(Clone)]

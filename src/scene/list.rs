@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// ```
 /// use softray::prelude::*;
 /// let device = Device::flex();
-/// let scene = Scene::new().with(Object::new(shapes::cube(&device)));
+/// let scene = Scene::new().with_object(Object::new(shapes::cube(&device)));
 /// let mut moved = scene.clone();
 /// moved.objects[0].name = "moved".into();
 /// moved.objects[0].materials = vec![Material::diffuse([0.8; 3])].into();

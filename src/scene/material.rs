@@ -93,11 +93,11 @@ impl Material {
 
     /// A black surface that emits radiance from its front side.
     pub fn emitter(radiance: impl Into<ColorTexture>) -> Self {
-        Self::diffuse([0.0; 3]).emission(radiance)
+        Self::diffuse([0.0; 3]).with_emission(radiance)
     }
 
     /// Sets the name, which messages show.
-    pub fn named(mut self, name: impl Into<String>) -> Self {
+    pub fn with_name(mut self, name: impl Into<String>) -> Self {
         self.name = name.into();
         self
     }
@@ -169,7 +169,7 @@ impl Material {
 
     /// Enables or disables multiple-scattering compensation, which adds the light that scatters several times between
     /// microfacets. It is enabled by default; Phong has none.
-    pub fn compensated(mut self, on: bool) -> Self {
+    pub fn with_compensated(mut self, on: bool) -> Self {
         match &mut self.bsdf {
             Bsdf::Phong { .. } => {}
             Bsdf::MetallicRoughness { compensated, .. }
@@ -180,7 +180,7 @@ impl Material {
     }
 
     /// Sets the radiance that the front side emits, RGB.
-    pub fn emission(mut self, radiance: impl Into<ColorTexture>) -> Self {
+    pub fn with_emission(mut self, radiance: impl Into<ColorTexture>) -> Self {
         self.emission = radiance.into();
         self
     }

@@ -101,19 +101,19 @@ impl Scene {
     }
 
     /// Adds an object.
-    pub fn with(mut self, object: Object) -> Self {
+    pub fn with_object(mut self, object: Object) -> Self {
         self.objects.push(object);
         self
     }
 
     /// Adds a delta light.
-    pub fn light(mut self, light: Light) -> Self {
+    pub fn with_light(mut self, light: Light) -> Self {
         self.lights.push(light);
         self
     }
 
     /// Sets the environment: a constant radiance or an [`Environment::map`]. The field `environment` stores it.
-    pub fn environment(mut self, radiance: impl Into<Environment>) -> Self {
+    pub fn with_environment(mut self, radiance: impl Into<Environment>) -> Self {
         self.environment = radiance.into();
         self
     }
@@ -188,20 +188,20 @@ impl Object {
     }
 
     /// Sets the name.
-    pub fn named(mut self, name: impl Into<String>) -> Self {
+    pub fn with_name(mut self, name: impl Into<String>) -> Self {
         self.name = name.into();
         self
     }
 
     /// Sets one material for all faces.
-    pub fn material(mut self, material: Material) -> Self {
+    pub fn with_material(mut self, material: Material) -> Self {
         self.materials = vec![material].into();
         self.face_materials = Arc::default();
         self
     }
 
     /// Sets a linear velocity `[3]`, in scene units over the shutter.
-    pub fn velocity(mut self, velocity: impl Into<Parameter<3>>) -> Self {
+    pub fn with_velocity(mut self, velocity: impl Into<Parameter<3>>) -> Self {
         self.velocity = Some(velocity.into());
         self
     }

@@ -141,7 +141,7 @@ impl Mesh {
     pub fn rotated(self, axis: impl Into<Parameter<3>>, radians: impl Into<Parameter<1>>) -> Self {
         let (axis, radians) = (axis.into(), radians.into());
         match self.quaternion(&axis, &radians) {
-            Ok(quaternion) => self.transformed(&Transform::new().quaternion(quaternion)),
+            Ok(quaternion) => self.transformed(&Transform::new().with_quaternion(quaternion)),
             Err(mistake) => self.mistaken(mistake),
         }
     }

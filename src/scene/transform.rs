@@ -61,7 +61,7 @@ impl Transform {
     /// Sets the rotation by a quaternion `[4]` in the order (w, x, y, z).
     /// The quaternion is normalized here. So any non-zero tensor is a rotation, and the gradient is defined at every
     /// angle.
-    pub fn quaternion(mut self, q: Tensor<1>) -> Self {
+    pub fn with_quaternion(mut self, q: Tensor<1>) -> Self {
         if !self.has_length("a quaternion", &q, &[4]) {
             return self;
         }
@@ -94,7 +94,7 @@ impl Transform {
     }
 
     /// Sets the rotation by an angle `[1]` in radians about an axis of any length but 0.
-    pub fn axis_angle(mut self, axis: [f64; 3], angle: Tensor<1>) -> Self {
+    pub fn with_axis_angle(mut self, axis: [f64; 3], angle: Tensor<1>) -> Self {
         if !self.has_length("axis_angle with an angle", &angle, &[1]) {
             return self;
         }
@@ -112,13 +112,13 @@ impl Transform {
             sin.clone() * axis.y,
             sin * axis.z,
         ];
-        self.quaternion(Tensor::cat(q, 0))
+        self.with_quaternion(Tensor::cat(q, 0))
     }
 
     /// Sets the rotation by the first two columns of its matrix, `[6]` (x₀ y₀ z₀ x₁ y₁ z₁).
     /// They are made orthonormal here (Zhou et al. 2019). This form is continuous over all rotations, which suits
     /// networks.
-    pub fn six_d(mut self, columns: Tensor<1>) -> Self {
+    pub fn with_six_d(mut self, columns: Tensor<1>) -> Self {
         if !self.has_length("six_d with columns", &columns, &[6]) {
             return self;
         }
@@ -136,7 +136,7 @@ impl Transform {
     }
 
     /// Sets the translation `[3]`, in scene units.
-    pub fn translation(mut self, offset: Tensor<1>) -> Self {
+    pub fn with_translation(mut self, offset: Tensor<1>) -> Self {
         if self.has_length("a translation", &offset, &[3]) {
             self.translation = Some(offset);
         }
@@ -144,7 +144,7 @@ impl Transform {
     }
 
     /// Sets the scale: `[1]`, or `[3]` with one factor per axis. It is applied before the rotation.
-    pub fn scale(mut self, scale: Tensor<1>) -> Self {
+    pub fn with_scale(mut self, scale: Tensor<1>) -> Self {
         if self.has_length("a scale", &scale, &[1, 3]) {
             self.scale = Some(scale);
         }

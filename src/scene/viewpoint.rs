@@ -72,7 +72,7 @@ impl<const N: usize> Matrix<N> {
 impl Camera {
     /// Creates a camera from its pose, a camera-to-world matrix in the convention of OpenGL, Blender and NeRF.
     /// The columns are right, up, backward and the position, in scene units. The vertical field of view is 40° unless
-    /// [`Camera::fov_y`] sets another. If the matrix is a tensor `[4, 4]`, gradients flow to it.
+    /// [`Camera::with_fov_y`] sets another. If the matrix is a tensor `[4, 4]`, gradients flow to it.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -82,7 +82,7 @@ impl Camera {
     ///     [0.0, 0.0, 1.0, 4.0],
     ///     [0.0, 0.0, 0.0, 1.0],
     /// ];
-    /// let camera = Camera::from_matrix(pose)?.fov_y(35.0);
+    /// let camera = Camera::from_matrix(pose)?.with_fov_y(35.0);
     /// assert_eq!(camera.eye.values()?, [0.5, 1.0, 4.0]);
     /// assert_eq!(camera.target.values()?, [0.5, 1.0, 3.0]);
     /// # Ok::<(), softray::Error>(())
@@ -104,7 +104,7 @@ impl Camera {
         let column = |j, factor| matrix.pick(&rows, [0, 1, 2].map(|i| [i, j]), factor);
         let (eye, up) = (column(3, 1.0), column(1, 1.0));
         let target = added(&eye, &column(2, -1.0));
-        Ok(Self::look_at(eye, target).up(up))
+        Ok(Self::look_at(eye, target).with_up(up))
     }
 
     /// Creates a calibrated camera in the convention of OpenCV and COLMAP.
@@ -162,7 +162,7 @@ impl Camera {
         };
         let row = |i, factor| rotation.pick(&r, [0, 1, 2].map(|j| [i, j]), factor);
         let target = added(&eye, &row(2, 1.0));
-        let mut camera = Self::look_at(eye, target).up(row(1, -1.0));
+        let mut camera = Self::look_at(eye, target).with_up(row(1, -1.0));
         camera.projection = Projection::Intrinsics {
             focal,
             principal,
@@ -227,14 +227,14 @@ impl Camera {
     /// ```
     /// use softray::prelude::*;
     /// let device = Device::flex();
-    /// let scene = Scene::new().with(Object::new(shapes::icosphere(1, &device)));
+    /// let scene = Scene::new().with_object(Object::new(shapes::icosphere(1, &device)));
     /// let camera = Camera::framing(&scene, [1.0, 0.5, 1.0])?;
     /// # assert!(camera.eye.values()?[0] > 1.0);
     /// # Ok::<(), softray::Error>(())
     /// ```
     ///
     /// # Errors
-    /// If the scene has no bounds ([`Scene::bounds`]), all triangles are in one point, or the direction is 0 or not
+    /// If the scene has no bounds ([`Scene::with_bounds`]), all triangles are in one point, or the direction is 0 or not
     /// finite.
     pub fn framing(scene: &Scene, direction: impl Into<Parameter<3>>) -> Result<Self> {
         Framing::of(scene)?.camera(direction.into())
@@ -296,7 +296,7 @@ impl Framing {
                 added(&center.into(), &Parameter::Tensor(away))
             }
         };
-        Ok(Camera::look_at(eye, center).up(up))
+        Ok(Camera::look_at(eye, center).with_up(up))
     }
 }
 

@@ -59,17 +59,17 @@ pub struct SoftmaxOptions {
     pub brute_force: bool,
     /// The bounding box (scene units) whose circumscribed sphere sets the scale of depths and tolerances; by default
     /// the sphere around the scene's vertices. Finite differences need the same bounds on both sides; see
-    /// [`Scene::bounds`](crate::scene::Scene::bounds).
+    /// [`Scene::with_bounds`](crate::scene::Scene::with_bounds).
     #[serde(default)]
     pub bounds: Option<Bounds>,
 }
 
-/// The default of [`SoftmaxOptions::epsilon`].
+/// The default of [`SoftmaxOptions::with_epsilon`].
 const fn epsilon() -> f64 {
     1e-3
 }
 
-/// The default of [`SoftmaxOptions::cutoff`].
+/// The default of [`SoftmaxOptions::with_cutoff`].
 const fn cutoff() -> f64 {
     1e-4
 }
@@ -88,25 +88,25 @@ impl SoftmaxOptions {
     }
 
     /// Sets ε.
-    pub const fn epsilon(mut self, epsilon: f64) -> Self {
+    pub const fn with_epsilon(mut self, epsilon: f64) -> Self {
         self.epsilon = epsilon;
         self
     }
 
     /// Sets the cutoff.
-    pub const fn cutoff(mut self, cutoff: f64) -> Self {
+    pub const fn with_cutoff(mut self, cutoff: f64) -> Self {
         self.cutoff = cutoff;
         self
     }
 
     /// Tests every triangle for every ray.
-    pub const fn brute_force(mut self) -> Self {
+    pub const fn with_brute_force(mut self) -> Self {
         self.brute_force = true;
         self
     }
 
     /// Sets the bounds.
-    pub const fn bounds(mut self, bounds: Bounds) -> Self {
+    pub const fn with_bounds(mut self, bounds: Bounds) -> Self {
         self.bounds = Some(bounds);
         self
     }

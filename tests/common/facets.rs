@@ -15,13 +15,16 @@ type Build = fn(&Device, DType, Tensor<1>) -> (Scene, Camera);
 
 /// A floor of a material, or a ball of it.
 fn with(name: &'static str, m: Material, d: &Device, t: DType) -> (Scene, Camera) {
-    (change(name, |o| o.material(m.clone()), d, t), camera())
+    (change(name, |o| o.with_material(m.clone()), d, t), camera())
 }
 
 /// A square floor of a material, of two faces, and nothing else.
 fn in_the_open(scene: Scene, m: Material, d: &Device, t: DType) -> (Scene, Camera) {
     let floor = shapes::plane_grid(500.0, 500.0, 1, 1, d).cast(t);
-    (scene.with(Object::new(floor).material(m)), camera())
+    (
+        scene.with_object(Object::new(floor).with_material(m)),
+        camera(),
+    )
 }
 
 /// Every parameter of the models of facets.
@@ -60,8 +63,8 @@ pub fn facet_cases() -> Vec<Case> {
                 let m = Material::metallic_roughness([0.6, 0.6, 0.4], 0.9, p);
                 let tilt = constant(&[0.3, 0.0, 1.0], [1, 1, 3], d, t);
                 in_the_open(
-                    Scene::new().environment([1.0; 3]),
-                    m.normal_map(tilt, 1.0),
+                    Scene::new().with_environment([1.0; 3]),
+                    m.with_normal_map(tilt, 1.0),
                     d,
                     t,
                 )
@@ -76,7 +79,7 @@ pub fn facet_cases() -> Vec<Case> {
             with("floor", Material::conductor(ETA, k, 0.5), d, t)
         }),
         case("conductor's roughness", 0.6, 0.03, 1, |d, t, p| {
-            let m = Material::conductor(ETA, EXTINCTION, p).compensated(false);
+            let m = Material::conductor(ETA, EXTINCTION, p).with_compensated(false);
             with("ball", m, d, t)
         }),
         case("metal that moves", 0.0, 0.012, 1, |d, t, p| {
@@ -104,7 +107,7 @@ fn glass_cases() -> Vec<Case> {
             0.02,
             0,
             |d, t, p| {
-                let sky = Scene::new().environment(Environment::map(constant(
+                let sky = Scene::new().with_environment(Environment::map(constant(
                     &[1.0; 6],
                     [1, 2, 3],
                     d,
@@ -114,7 +117,7 @@ fn glass_cases() -> Vec<Case> {
             },
         ),
         case("glass's roughness", 0.6, 0.03, 2, |d, t, p| {
-            let m = Material::dielectric(1.5, p).compensated(false);
+            let m = Material::dielectric(1.5, p).with_compensated(false);
             with("ball", m, d, t)
         }),
         case("glass's color", 0.8, 0.1, 2, |d, t, p| {
@@ -160,7 +163,7 @@ pub fn clamped_cases() -> Vec<Case> {
     // The cosines of its angles are nearer than what its falloff is divided by.
     let inner: Build = |d, t, p| {
         let spot = Light::spot([0.5, 2.0, 1.0], [-0.2, -1.0, -0.4], [9.0; 3], p, 0.5005);
-        (scene(objects(d, t)).light(spot), camera())
+        (scene(objects(d, t)).with_light(spot), camera())
     };
     [
         ("metallic over 1", 1.5, metallic),
@@ -186,7 +189,7 @@ pub fn clamped_cases() -> Vec<Case> {
 fn moved(p: Tensor<1>, m: Material, d: &Device, t: DType) -> (Scene, Camera) {
     let by = vector(p, [1.0, 0.3, 0.2], d, t);
     let ball = |o: Object| {
-        o.material(m.clone())
+        o.with_material(m.clone())
             .map_mesh(|mesh| mesh.translated(by.clone()))
     };
     (change("ball", ball, d, t), camera())

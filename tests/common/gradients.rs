@@ -63,27 +63,27 @@ pub fn objects(device: &Device, dtype: DType) -> [Object; 4] {
         device,
     );
     [
-        diffuse(floor.cast(dtype), [0.35, 0.3, 0.25]).named("floor"),
-        emitting(light.cast(dtype), [3.0, 2.7, 2.4]).named("light"),
-        diffuse(ball, [0.1, 0.2, 0.3]).named("ball"),
-        diffuse(triangle.cast(dtype), [0.2, 0.25, 0.1]).named("triangle"),
+        diffuse(floor.cast(dtype), [0.35, 0.3, 0.25]).with_name("floor"),
+        emitting(light.cast(dtype), [3.0, 2.7, 2.4]).with_name("light"),
+        diffuse(ball, [0.1, 0.2, 0.3]).with_name("ball"),
+        diffuse(triangle.cast(dtype), [0.2, 0.25, 0.1]).with_name("triangle"),
     ]
 }
 
 pub fn scene(objects: [Object; 4]) -> Scene {
-    let scene = Scene::new().environment([0.9, 1.0, 1.1]);
-    objects.into_iter().fold(scene, Scene::with)
+    let scene = Scene::new().with_environment([0.9, 1.0, 1.1]);
+    objects.into_iter().fold(scene, Scene::with_object)
 }
 
 /// The scene with a small lamp before the camera, whose image moves and blurs with it.
 fn with_lamp(device: &Device, dtype: DType) -> Scene {
     let lamp = facing_front([-0.47, -0.23], [1.23, 1.47], 1.5, device);
-    let lamp = emitting(lamp.cast(dtype), [6.0, 5.0, 4.0]).named("lamp");
-    scene(objects(device, dtype)).with(lamp)
+    let lamp = emitting(lamp.cast(dtype), [6.0, 5.0, 4.0]).with_name("lamp");
+    scene(objects(device, dtype)).with_object(lamp)
 }
 
 pub fn camera() -> Camera {
-    Camera::look_at([0.2, 1.3, 4.2], [0.0, 0.9, 0.0]).fov_y(38.0)
+    Camera::look_at([0.2, 1.3, 4.2], [0.0, 0.9, 0.0]).with_fov_y(38.0)
 }
 
 pub fn change(
@@ -161,7 +161,7 @@ fn classes() -> Vec<Case> {
             (s, camera())
         }),
         case("rotation", 0.1, 0.02, 0, |d, t, p| {
-            let turn = Transform::new().axis_angle([0.3, 1.0, 0.2], p);
+            let turn = Transform::new().with_axis_angle([0.3, 1.0, 0.2], p);
             (
                 change("triangle", |o| o.map_mesh(|m| m.transformed(&turn)), d, t),
                 camera(),
@@ -169,7 +169,10 @@ fn classes() -> Vec<Case> {
         }),
         shift(case("velocity", 0.5, 0.025, 0, |d, t, p| {
             let u = vector(p, [1.0, 0.3, 0.2], d, t);
-            (change("ball", |o| o.velocity(u.clone()), d, t), camera())
+            (
+                change("ball", |o| o.with_velocity(u.clone()), d, t),
+                camera(),
+            )
         })),
         // The line in which it passes through the floor moves while the shutter is open. Kernels of GPUs find it in f32,
         // and one of a thousand samples on the film may see another pixel than on the host.
@@ -179,14 +182,17 @@ fn classes() -> Vec<Case> {
                 let by = vector(p, [0.4, 1.0, 0.2], d, t) + constant(&[0.0, -0.8, 0.4], [3], d, t);
                 let flies = |o: Object| {
                     let o = o.map_mesh(|m| m.translated(by.clone()));
-                    o.velocity([0.3, 0.2, 0.1])
+                    o.with_velocity([0.3, 0.2, 0.1])
                 };
                 (change("ball", flies, d, t), camera())
             })
         },
         case("albedo", 0.5, 0.05, 2, |d, t, p| {
             let m = Material::diffuse(vector(p, [0.9, 0.6, 0.3], d, t));
-            (change("floor", |o| o.material(m.clone()), d, t), camera())
+            (
+                change("floor", |o| o.with_material(m.clone()), d, t),
+                camera(),
+            )
         }),
         case("texel", 0.5, 0.05, 1, |d, t, p| {
             let base = constant(
@@ -202,16 +208,22 @@ fn classes() -> Vec<Case> {
                 t,
             );
             let m = Material::diffuse(ColorTexture::texture(base + one * p.reshape([1, 1, 1])));
-            (change("floor", |o| o.material(m.clone()), d, t), camera())
+            (
+                change("floor", |o| o.with_material(m.clone()), d, t),
+                camera(),
+            )
         }),
         case("specular", 0.4, 0.05, 1, |d, t, p| {
             let m = Material::phong([0.3, 0.3, 0.2], vector(p, [0.9, 1.0, 0.8], d, t), 12.0);
-            (change("floor", |o| o.material(m.clone()), d, t), camera())
+            (
+                change("floor", |o| o.with_material(m.clone()), d, t),
+                camera(),
+            )
         }),
         case("shininess", 12.0, 0.4, 1, |d, t, p| {
             let m = Material::phong([0.3, 0.3, 0.2], [0.5; 3], p);
             (
-                change("floor", |o| o.material(m.clone()), d, t).environment([0.0; 3]),
+                change("floor", |o| o.with_material(m.clone()), d, t).with_environment([0.0; 3]),
                 camera(),
             )
         }),
@@ -234,7 +246,10 @@ fn classes() -> Vec<Case> {
         }),
         case("emission", 4.0, 0.2, 1, |d, t, p| {
             let m = Material::emitter(vector(p, [1.0, 0.9, 0.8], d, t));
-            (change("light", |o| o.material(m.clone()), d, t), camera())
+            (
+                change("light", |o| o.with_material(m.clone()), d, t),
+                camera(),
+            )
         }),
         case("light translation", 0.0, 0.01, 0, |d, t, p| {
             let s = change(
@@ -243,11 +258,11 @@ fn classes() -> Vec<Case> {
                 d,
                 t,
             );
-            (s.environment([0.0; 3]), camera())
+            (s.with_environment([0.0; 3]), camera())
         }),
         case("environment", 0.3, 0.05, 1, |d, t, p| {
             (
-                scene(objects(d, t)).environment(vector(p, [0.8, 0.9, 1.0], d, t)),
+                scene(objects(d, t)).with_environment(vector(p, [0.8, 0.9, 1.0], d, t)),
                 camera(),
             )
         }),
@@ -291,13 +306,13 @@ fn options(case: &Case, effort: Effort) -> RenderOptions {
         max: [half, 0.8 + half, half],
     };
     let visibility = match effort.visibility {
-        Visibility::Softmax(softmax) => softmax.bounds(bounds).into(),
+        Visibility::Softmax(softmax) => softmax.with_bounds(bounds).into(),
         cone => cone,
     };
     RenderOptions::new(SIZE, SIZE)
-        .samples(effort.samples)
-        .bounces(case.bounces)
-        .visibility(visibility)
+        .with_samples(effort.samples)
+        .with_bounces(case.bounces)
+        .with_visibility(visibility)
 }
 
 /// Σ of the image under fixed smooth weights.
@@ -318,9 +333,9 @@ pub fn check(case: &Case, device: &Device, effort: Effort, precision: f64, seeds
     let start = std::time::Instant::now();
     let weight = case.weight;
     let settings = GradCheck::new(options(case, effort), device)
-        .precision(precision)
-        .seeds(seeds[0], seeds[1])
-        .objective(move |image| weighted(image, weight));
+        .with_precision(precision)
+        .with_seeds(seeds[0], seeds[1])
+        .with_objective(move |image| weighted(image, weight));
     let parameters = [Checked::new(case.name, [case.value], case.step)];
     let report = gradcheck(&parameters, &settings, |point| {
         let p = point.get(case.name)?;
@@ -341,7 +356,7 @@ pub fn of_seed(case: &Case, at: Setup, dtype: DType, effort: Effort, seed: u64) 
         .autodiff()
         .require_grad();
     let (scene, camera) = (case.build)(device, dtype, p.clone());
-    let options = change(options(case, effort).seed(seed));
+    let options = change(options(case, effort).with_seed(seed));
     let image = render(&scene, &camera, &options).expect("an image");
     let gradients = weighted(image.radiance, case.weight).backward();
     gradient(&p, &gradients)[0]

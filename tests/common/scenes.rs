@@ -39,17 +39,19 @@ pub fn lamp(half: f64, y: f64, radiance: [f64; 3], device: &Device) -> Object {
 
 /// An emitter.
 pub fn emitting(mesh: Mesh, radiance: [f64; 3]) -> Object {
-    Object::new(mesh).material(Material::emitter(radiance))
+    Object::new(mesh).with_material(Material::emitter(radiance))
 }
 
 /// An object of a diffuse material.
 pub fn diffuse(mesh: Mesh, albedo: [f64; 3]) -> Object {
-    Object::new(mesh).material(Material::diffuse(albedo))
+    Object::new(mesh).with_material(Material::diffuse(albedo))
 }
 
 /// One mesh of the default material under a white sky.
 pub fn under_sky(mesh: Mesh) -> Scene {
-    Scene::new().with(Object::new(mesh)).environment([1.0; 3])
+    Scene::new()
+        .with_object(Object::new(mesh))
+        .with_environment([1.0; 3])
 }
 
 /// A mesh with its faces wound the other way: a room.
@@ -65,8 +67,8 @@ pub fn on_axis(z: f64) -> Camera {
 
 /// A mesh that emits under a blue sky.
 pub fn glowing(mesh: Mesh) -> Scene {
-    let scene = Scene::new().with(emitting(mesh, [0.9, 0.5, 0.2]));
-    scene.environment([0.1, 0.2, 0.4])
+    let scene = Scene::new().with_object(emitting(mesh, [0.9, 0.5, 0.2]));
+    scene.with_environment([0.1, 0.2, 0.4])
 }
 
 /// A camera that looks at the origin from the front, from a little to the right and above.

@@ -80,19 +80,19 @@ pub fn row<const N: usize>(values: [f32; N]) -> Tensor<1> {
 }
 
 pub fn ball() -> Object {
-    Object::new(shapes::icosahedron(&flex())).named("ball")
+    Object::new(shapes::icosahedron(&flex())).with_name("ball")
 }
 
 pub fn lit(object: Object) -> Scene {
-    Scene::new().with(object).environment([1.0; 3])
+    Scene::new().with_object(object).with_environment([1.0; 3])
 }
 
 pub fn camera() -> Camera {
-    Camera::look_at([0.3, 0.4, 4.0], [0.0; 3]).fov_y(40.0)
+    Camera::look_at([0.3, 0.4, 4.0], [0.0; 3]).with_fov_y(40.0)
 }
 
 pub fn small() -> RenderOptions {
-    RenderOptions::new(4, 4).samples(1).bounces(0)
+    RenderOptions::new(4, 4).with_samples(1).with_bounces(0)
 }
 
 pub fn see(object: Object) -> Result<Image> {

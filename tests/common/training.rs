@@ -156,11 +156,11 @@ pub struct Training {
 impl Training {
     pub fn new(device: &Device) -> Self {
         let ball = shapes::icosahedron(device).cast(DType::F32);
-        let camera = Camera::look_at([0.0, 0.5, 4.0], [0.0; 3]).fov_y(40.0);
+        let camera = Camera::look_at([0.0, 0.5, 4.0], [0.0; 3]).with_fov_y(40.0);
         let options = RenderOptions::new(SIZE, SIZE)
-            .samples(2)
-            .bounces(0)
-            .blur(0.02);
+            .with_samples(2)
+            .with_bounces(0)
+            .with_blur(0.02);
         let scales: [[f32; 3]; ITEMS] = [[0.8, 1.1, 0.9], [1.2, 0.7, 1.0]];
         let scales = Tensor::<2>::from_data(TensorData::from(scales), device);
         let vertices = ball.vertices.clone().unsqueeze::<3>();
@@ -169,7 +169,8 @@ impl Training {
         let scenes = colors.map(|c| scene(&ball, c.into())).to_vec();
         let batch = Batch::new(scenes, vec![camera.clone()]).expect("a batch");
         let batch = batch.with_vertices("body", stretched).expect("vertices");
-        let targets = render_batch(&batch, &options.clone().samples(8).seed(3)).expect("images");
+        let targets =
+            render_batch(&batch, &options.clone().with_samples(8).with_seed(3)).expect("images");
         Self {
             network: Predictor::new(&device.clone().autodiff()),
             optimizer: AdamConfig::new().init(),
@@ -193,7 +194,7 @@ impl Training {
         let batch = Batch::new(scenes, vec![self.camera.clone()]).expect("a batch");
         let vertices = self.ball.vertices.clone().unsqueeze::<3>() + offsets;
         let batch = batch.with_vertices("body", vertices).expect("vertices");
-        let images = render_batch(&batch, &self.options.clone().seed(seed)).expect("images");
+        let images = render_batch(&batch, &self.options.clone().with_seed(seed)).expect("images");
         let loss = (images.radiance - self.targets.clone()).powf_scalar(2.0);
         let loss = loss.mean();
         let value = values(&loss)[0];
@@ -207,8 +208,12 @@ impl Training {
 fn scene(ball: &Mesh, color: Parameter<3>) -> Scene {
     let material = Material::diffuse(color);
     Scene::new()
-        .with(Object::new(ball.clone()).named("body").material(material))
-        .environment([1.0, 0.9, 0.8])
+        .with_object(
+            Object::new(ball.clone())
+                .with_name("body")
+                .with_material(material),
+        )
+        .with_environment([1.0, 0.9, 0.8])
 }
 
 /// The first step on a device.

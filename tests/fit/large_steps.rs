@@ -76,7 +76,7 @@ fn the_solve_is_that_of_the_dense_matrix() {
         for mesh in [shapes::icosphere(1, &device), open] {
             let n = mesh.vertices.dims()[0];
             for lambda in [0.0, 1.0, 19.0, 1000.0] {
-                let config = LargeStepsConfig::default().lambda(lambda);
+                let config = LargeStepsConfig::default().with_lambda(lambda);
                 let steps = LargeSteps::from_mesh(&mesh, &config).expect("a mesh");
                 let b = noise(3 * n, 7);
                 let x = steps.precondition(tensor(&b, 3, &device, DType::F64));
@@ -96,7 +96,7 @@ fn the_solve_is_that_of_the_dense_matrix() {
 
 #[test]
 fn alpha_is_lambda_by_another_name() {
-    let config = LargeStepsConfig::default().alpha(0.95);
+    let config = LargeStepsConfig::default().with_alpha(0.95);
     assert!((config.lambda - 19.0).abs() < 1e-12);
 }
 
@@ -106,7 +106,7 @@ fn the_rule_by_hand() {
     let device = Device::flex();
     let mesh = shapes::icosahedron(&device);
     let (n, lr) = (36, 0.1);
-    let config = LargeStepsConfig::default().betas(0.8, 0.95);
+    let config = LargeStepsConfig::default().with_betas(0.8, 0.95);
     let steps = LargeSteps::from_mesh(&mesh, &config).expect("a mesh");
     let mut optimizer = ModuleOptimizer::from(steps);
     let start = noise(n, 1);
@@ -311,12 +311,12 @@ fn errors_name_the_field_and_the_value() {
     let mesh = shapes::icosahedron(&device);
     let config = LargeStepsConfig::default;
     let cases = [
-        (config().lambda(-1.0), "lambda is -1, expected"),
-        (config().lambda(f64::NAN), "lambda is NaN, expected"),
-        (config().alpha(1.0), "lambda is inf, expected"),
-        (config().betas(1.0, 0.9), "beta_1 is 1, expected"),
-        (config().betas(0.9, -0.1), "beta_2 is -0.1, expected"),
-        (config().epsilon(0.0), "epsilon is 0, expected"),
+        (config().with_lambda(-1.0), "lambda is -1, expected"),
+        (config().with_lambda(f64::NAN), "lambda is NaN, expected"),
+        (config().with_alpha(1.0), "lambda is inf, expected"),
+        (config().with_betas(1.0, 0.9), "beta_1 is 1, expected"),
+        (config().with_betas(0.9, -0.1), "beta_2 is -0.1, expected"),
+        (config().with_epsilon(0.0), "epsilon is 0, expected"),
     ];
     for (config, expected) in cases {
         says(message(LargeSteps::from_mesh(&mesh, &config)), [expected]);

@@ -16,11 +16,11 @@ fn renderers_and_configurations() {
     let scene = glowing(shapes::cube(&Device::flex()));
     let softmax = Visibility::softmax(1e-2, 0.01);
     let options = RenderOptions::new(8, 6)
-        .samples(2)
-        .bounces(1)
-        .visibility(softmax)
-        .russian_roulette(1)
-        .rays_per_tile(64)
+        .with_samples(2)
+        .with_bounces(1)
+        .with_visibility(softmax)
+        .with_russian_roulette(1)
+        .with_rays_per_tile(64)
         .with_opacity();
     let path = common::target_folder("renderer").join("renderer.json");
     options.save(&path).expect("a file");
@@ -42,35 +42,35 @@ fn renderers_and_configurations() {
 
     let renderer = Renderer::new(loaded).expect("a renderer");
     let image = |r: &Renderer, seed| r.render(&scene, &ahead(), seed).expect("a render");
-    let same = render(&scene, &ahead(), &options.clone().seed(7)).expect("a render");
+    let same = render(&scene, &ahead(), &options.clone().with_seed(7)).expect("a render");
     let equal = |a: &Tensor<3>, b: &Tensor<3>| assert!(values(a) == values(b), "{a} {b}");
     equal(&image(&renderer, 7).radiance, &same.radiance);
     let [a, b] = renderer.pair(&scene, &ahead(), 3).expect("two renders");
     equal(&a.radiance, &image(&renderer, 6).radiance);
     equal(&b.radiance, &image(&renderer, 7).radiance);
     assert!(a.opacity.is_some());
-    let other = Renderer::new(options.clone().seed(1)).expect("a renderer");
+    let other = Renderer::new(options.clone().with_seed(1)).expect("a renderer");
     let apart = values(&image(&other, 7).radiance) != values(&same.radiance);
     assert!(apart, "the renderer's seed counts");
 
     let fails = |options: RenderOptions, said: &str| says(message(Renderer::new(options)), [said]);
     fails(
-        options.clone().visibility(Visibility::cone(-1.0)),
+        options.clone().with_visibility(Visibility::cone(-1.0)),
         "angle is -1",
     );
-    fails(options.clone().samples(0), "samples is 0");
+    fails(options.clone().with_samples(0), "samples is 0");
     fails(RenderOptions::new(0, 6), "width is 0");
-    let mut blurred = options.clone().visibility(Visibility::cone(0.0));
+    let mut blurred = options.clone().with_visibility(Visibility::cone(0.0));
     blurred.blur = Some(2.0);
     fails(blurred, "blur angle is 2");
     let few =
         r#"{"width": 4, "height": 4, "visibility": {"Softmax": {"sigma": 0.1, "gamma": 0.2}}}"#;
     let few: RenderOptions = serde_json::from_str(few).expect("options");
     assert_eq!(few.visibility, Visibility::softmax(0.1, 0.2));
-    let half = SoftmaxOptions::new(1e-3, 1e-3).cutoff(2.0);
-    fails(options.clone().visibility(half), "cutoff is 2");
+    let half = SoftmaxOptions::new(1e-3, 1e-3).with_cutoff(2.0);
+    fails(options.clone().with_visibility(half), "cutoff is 2");
     fails(
-        options.visibility(Visibility::softmax(1e-3, 0.0)),
+        options.with_visibility(Visibility::softmax(1e-3, 0.0)),
         "gamma is 0",
     );
     says(

@@ -16,15 +16,17 @@ fn autodiff() -> Device {
 /// of one render are what its gradient has to be.
 fn still() -> RenderOptions {
     let half = 4.0 / 3f64.sqrt();
-    let softmax = SoftmaxOptions::new(1e-2, 0.1).cutoff(1e-9).bounds(Bounds {
-        min: [-half; 3],
-        max: [half; 3],
-    });
+    let softmax = SoftmaxOptions::new(1e-2, 0.1)
+        .with_cutoff(1e-9)
+        .with_bounds(Bounds {
+            min: [-half; 3],
+            max: [half; 3],
+        });
     RenderOptions::new(10, 8)
-        .samples(2)
-        .bounces(0)
-        .sampling(Sampling::paper())
-        .visibility(softmax)
+        .with_samples(2)
+        .with_bounces(0)
+        .with_sampling(Sampling::paper())
+        .with_visibility(softmax)
 }
 
 /// The mean radiance under weights that rise over the image, so that no symmetry cancels.
@@ -85,7 +87,7 @@ fn gradients_of_meshes_and_transforms() {
             .with_scale(true)
             .init(&autodiff())
             .with_axis_angle([1.0, 2.0, 0.5], 0.7)
-            .and_then(|p| p.with_size(0.8))
+            .and_then(|p| p.with_scale(0.8))
             .expect("a pose");
         let components = [("rotation", 1), ("translation", 0), ("log_scale", 0)];
         check(pose, &components, |p| see(p.apply(cube())));
@@ -132,8 +134,8 @@ fn gradients_of_textures_environments_and_materials() {
         let light = f64_mesh(shapes::quad(d, c, b, a, &Device::flex()));
         let light = emitting(light, [8.0, 7.0, 6.0]);
         Scene::new()
-            .with(Object::new(wall()).material(material))
-            .with(light)
+            .with_object(Object::new(wall()).with_material(material))
+            .with_object(light)
     };
     let texture = TextureParams::gray(2, 3, &device);
     check(texture, &[("logits", 4)], |t| {
@@ -152,7 +154,7 @@ fn gradients_of_textures_environments_and_materials() {
     let sky = EnvironmentParams::uniform(4, 8, 0.7, &device).expect("a sky");
     // A texel that the camera sees: the third row, the middle column.
     check(sky, &[("logs", (8 + 4) * 3)], |sky| {
-        let black = Scene::new().with(diffuse(wall(), [0.0; 3]));
-        seen(&black.environment(sky.environment()), &ahead())
+        let black = Scene::new().with_object(diffuse(wall(), [0.0; 3]));
+        seen(&black.with_environment(sky.environment()), &ahead())
     });
 }

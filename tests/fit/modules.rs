@@ -28,9 +28,9 @@ fn near(found: &[f64], expected: &[f64]) {
 fn values_come_back() {
     let device = Device::flex();
     let camera = Camera::look_at([1.0, 2.0, 3.0], [0.0, 0.5, 0.0])
-        .up([0.1, 1.0, 0.0])
-        .fov_y(55.0)
-        .thin_lens(0.05, 3.0);
+        .with_up([0.1, 1.0, 0.0])
+        .with_fov_y(55.0)
+        .with_thin_lens(0.05, 3.0);
     let back = CameraParams::from_camera(&camera, &device)
         .expect("a camera")
         .camera();
@@ -43,7 +43,7 @@ fn values_come_back() {
     near(&lens.focus_distance.values().expect("focus"), &[3.0]);
 
     let material =
-        Material::phong([0.6, 0.3, 0.1], [0.2, 0.1, 0.3], 25.0).emission([1.0, 2.0, 3.0]);
+        Material::phong([0.6, 0.3, 0.1], [0.2, 0.1, 0.3], 25.0).with_emission([1.0, 2.0, 3.0]);
     let back = MaterialParams::from_material(&material, &device)
         .expect("a material")
         .material();
@@ -142,7 +142,7 @@ fn turns_come_back() {
     near(&values(&turned.transform().apply(z)), &[0.0, -1.0, 0.0]);
     let mirror = [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     assert!(RigidTransform::new(&device).with_matrix(mirror).is_err());
-    let error = message(RigidTransform::new(&device).with_size(2.0));
+    let error = message(RigidTransform::new(&device).with_scale(2.0));
     says(error, ["made with a scale"]);
 }
 
@@ -189,7 +189,7 @@ fn world(device: &Device) -> World {
         .with_specular(Some([0.2; 3]))
         .with_emission(Some([0.3; 3]))
         .init(device);
-    let renderer = Renderer::new(RenderOptions::new(12, 12).samples(4).bounces(0));
+    let renderer = Renderer::new(RenderOptions::new(12, 12).with_samples(4).with_bounces(0));
     World {
         mesh: MeshParams::from_mesh(&shapes::icosahedron(device)),
         pose: RigidTransformConfig::new().with_scale(true).init(device),
@@ -205,12 +205,12 @@ impl World {
     fn scene(&self) -> Scene {
         let ball = self.pose.apply(self.mesh.mesh());
         let texture = Material::diffuse(self.texture.albedo(Wrap::Clamp));
-        let floor = Object::new(floor(2.0, -1.2, &Device::flex())).material(texture);
-        let ball = Object::new(ball).material(self.surface.material());
+        let floor = Object::new(floor(2.0, -1.2, &Device::flex())).with_material(texture);
+        let ball = Object::new(ball).with_material(self.surface.material());
         Scene::new()
-            .with(ball)
-            .with(floor)
-            .environment([0.8, 0.9, 1.0])
+            .with_object(ball)
+            .with_object(floor)
+            .with_environment([0.8, 0.9, 1.0])
     }
 
     fn forward(&self, target: &Tensor<3>, seed: u64) -> softray::Result<Tensor<1>> {
@@ -242,7 +242,7 @@ fn an_optimizer_moves_all_but_the_frozen() {
     assert!(learns(&start, loss));
     let adam = burn::optim::AdamConfig::new().init();
     let fitted = Fit::new(start.clone(), adam, 2)
-        .rate(0.01)
+        .with_rate(0.01)
         .run(|world: &World, step: &_| {
             let loss = world.forward(&target, step.seed(0))?;
             Ok(Evaluation::new(loss))
@@ -336,9 +336,9 @@ fn large_steps_stay_in_range() {
         let ball = pose.apply(shapes::icosahedron(&Device::flex()));
         assert!(values(&ball.vertices).iter().all(|v| v.is_finite()));
         let wall = shapes::icosphere(1, &Device::flex());
-        let scene = Scene::new().with(Object::new(wall).material(material));
-        let scene = scene.environment(sky.environment());
-        let options = RenderOptions::new(4, 4).samples(1).bounces(0);
+        let scene = Scene::new().with_object(Object::new(wall).with_material(material));
+        let scene = scene.with_environment(sky.environment());
+        let options = RenderOptions::new(4, 4).with_samples(1).with_bounces(0);
         let image = radiance(&scene, &ahead(), &options);
         assert!(image.iter().all(|v| v.is_finite()));
     }

@@ -27,7 +27,7 @@ fn tracked() -> Device {
 }
 
 fn fit(module: Point, steps: usize) -> Fit<Point> {
-    Fit::new(module, AdamConfig::new().init(), steps).progress(false)
+    Fit::new(module, AdamConfig::new().init(), steps).with_progress(false)
 }
 
 fn bowl(point: &Point, _: &Step) -> softray::Result<Evaluation> {
@@ -58,7 +58,11 @@ fn modules_that_record_no_gradients_are_errors_before_the_first_step() {
     // Nothing is left behind.
     let folder = folder("plain");
     let inside = folder.join("fit");
-    message(fit(point(&Device::flex()), 5).folder(&inside).run(never));
+    message(
+        fit(point(&Device::flex()), 5)
+            .with_folder(&inside)
+            .run(never),
+    );
     assert!(!inside.exists());
 }
 
@@ -111,8 +115,8 @@ fn flat(steps: usize, shown: bool) -> Fitted<Pair> {
     };
     // So slow that the loss is flat.
     Fit::new(module, SgdConfig::new().init(), steps)
-        .rate(1e-9)
-        .progress(shown)
+        .with_rate(1e-9)
+        .with_progress(shown)
         .run(|pair: &Pair, step: &_| bowl(&pair.a, step))
         .expect("a fit")
 }
@@ -198,10 +202,14 @@ fn pictures_stand_beside_their_targets() {
         }
         let (image, target) = seen(p, 8);
         let loss = (image.clone() - target.clone()).powi_scalar(2).mean();
-        let evaluation = Evaluation::new(loss).image("render", image.clone());
-        Ok(evaluation.target("render", target).image("alone", image))
+        let evaluation = Evaluation::new(loss).with_image("render", image.clone());
+        Ok(evaluation
+            .with_target("render", target)
+            .with_image("alone", image))
     };
-    let fit = fit(point(&tracked()), 26).rate(0.01).pictures(&inside, 10);
+    let fit = fit(point(&tracked()), 26)
+        .with_rate(0.01)
+        .with_pictures(&inside, 10);
     let fit = fit.on_step(25, |report| {
         let figure = report.figure()?.image()?;
         assert!(
@@ -239,25 +247,25 @@ fn pictures_stand_beside_their_targets() {
 #[test]
 fn mistakes_with_pictures_are_named() {
     let folder = folder("mistakes");
-    let pictures = || fit(point(&tracked()), 3).pictures(&folder, 1);
+    let pictures = || fit(point(&tracked()), 3).with_pictures(&folder, 1);
     let with = |add: fn(Evaluation, &Point) -> Evaluation| {
         move |p: &Point, step: &Step| Ok(add(bowl(p, step)?, p))
     };
     let found = message(pictures().run(bowl));
-    says(&found, ["Evaluation::image"]);
+    says(&found, ["Evaluation::with_image"]);
     let found = message(pictures().run(with(|e, p| {
         let (image, target) = seen(p, 4);
-        e.image("a", image).target("a", target)
+        e.with_image("a", image).with_target("a", target)
     })));
     says(&found, ["[4, 4, 3]", "[8, 8, 3]"]);
     let found = message(pictures().run(with(|e, p| {
         let (image, target) = seen(p, 8);
-        e.image("a", image).target("b", target)
+        e.with_image("a", image).with_target("b", target)
     })));
     says(&found, ["\"b\"", "[\"a\"]"]);
     let found = message(pictures().run(with(|e, p| {
         let (image, _) = seen(p, 8);
-        e.image("a", image.clone()).image("a", image)
+        e.with_image("a", image.clone()).with_image("a", image)
     })));
     says(&found, ["named twice"]);
     assert_eq!(std::fs::read_dir(&folder).expect("a folder").count(), 0);
@@ -266,15 +274,15 @@ fn mistakes_with_pictures_are_named() {
     std::fs::write(&file, "").expect("a file");
     let fit = || fit(point(&tracked()), 3);
     let never = |_: &Point, _: &Step| -> softray::Result<Evaluation> { panic!("a step") };
-    let found = message(fit().pictures(file.join("pictures"), 1).run(never));
+    let found = message(fit().with_pictures(file.join("pictures"), 1).run(never));
     says(&found, ["pictures"]);
-    let found = message(fit().pictures(&folder, 0).run(never));
+    let found = message(fit().with_pictures(&folder, 0).run(never));
     says(&found, ["pictures is 0"]);
 }
 
 #[test]
 fn histories_name_the_curves_they_lack() {
-    let step = |p: &Point, step: &Step| Ok(bowl(p, step)?.value("x", 1.0));
+    let step = |p: &Point, step: &Step| Ok(bowl(p, step)?.with_value("x", 1.0));
     let fitted = fit(point(&tracked()), 3).run(step).expect("a fit");
     for names in [&["x", "loss"][..], &["blur"], &["gradient_norm"]] {
         fitted.history.plot("", names).expect("a plot");

@@ -35,7 +35,7 @@ fn bowl(point: &Point, step: &Step) -> softray::Result<Evaluation> {
     let noise = (step.seed(0) % 97) as f64 / 97.0 - 0.5;
     let x = point.at.val();
     let loss = (x.clone() * x.clone()).sum() + x.sum() * (0.1 * noise);
-    Ok(Evaluation::new(loss).value("first", place(point)[0]))
+    Ok(Evaluation::new(loss).with_value("first", place(point)[0]))
 }
 
 fn folder(name: &str) -> PathBuf {
@@ -52,10 +52,10 @@ fn it_descends_and_keeps_a_history() {
     let seen = std::rc::Rc::new(std::cell::RefCell::new(Vec::new()));
     let steps = seen.clone();
     let fitted = Fit::new(point(&[1.0, -2.0]), adam(), 300)
-        .progress(false)
-        .rate(Rate::cosine(0.05))
-        .blur(BlurSchedule::decay(1e-1, 1e-3, 200).expect("a schedule"))
-        .folder(&folder)
+        .with_progress(false)
+        .with_rate(Rate::cosine(0.05))
+        .with_blur(BlurSchedule::decay(1e-1, 1e-3, 200).expect("a schedule"))
+        .with_folder(&folder)
         .on_step(100, move |report| {
             steps.borrow_mut().push(report.step.index);
             assert_eq!(report.history.rows.len(), report.step.index + 1);
@@ -85,10 +85,10 @@ fn it_descends_and_keeps_a_history() {
 fn gradients_are_clipped_by_their_norm() {
     let step = |clip: Option<f64>| {
         let fit = Fit::new(point(&[3.0, 4.0]), SgdConfig::new().init(), 1)
-            .progress(false)
-            .rate(0.1);
+            .with_progress(false)
+            .with_rate(0.1);
         let fit = match clip {
-            Some(norm) => fit.clip(norm),
+            Some(norm) => fit.with_clip(norm),
             None => fit,
         };
         let fitted = fit
@@ -111,10 +111,10 @@ fn it_stops_where_the_loss_is_flat_and_stays_stopped() {
     let folder = folder("early");
     let run = || {
         Fit::new(point(&[0.5]), adam(), 2000)
-            .progress(false)
-            .rate(0.02)
-            .early_stop(60)
-            .folder(&folder)
+            .with_progress(false)
+            .with_rate(0.02)
+            .with_early_stop(60)
+            .with_folder(&folder)
             .run(bowl)
             .expect("a fit")
     };
@@ -135,12 +135,12 @@ fn blur_that_follows_the_loss_falls_where_it_is_flat() {
     let fit = |folder: Option<&Path>, last: usize| {
         let blur = PlateauBlur::new(1e-1, 1e-3, 0.5, 20).expect("a schedule");
         let fit = Fit::new(point(&[0.5]), adam(), 400)
-            .progress(false)
-            .rate(0.02)
-            .blur(blur);
+            .with_progress(false)
+            .with_rate(0.02)
+            .with_blur(blur);
         let fit = fit.on_step(1, move |report| Ok(report.step.index < last));
         let fit = match folder {
-            Some(folder) => fit.folder(folder).checkpoint_every(7),
+            Some(folder) => fit.with_folder(folder).with_checkpoint_every(7),
             None => fit,
         };
         fit.run(bowl).expect("a fit").history
@@ -158,7 +158,7 @@ fn blur_that_follows_the_loss_falls_where_it_is_flat() {
 
 #[test]
 fn mistakes_are_named() {
-    let fit = || Fit::new(point(&[0.5]), adam(), 10).progress(false);
+    let fit = || Fit::new(point(&[0.5]), adam(), 10).with_progress(false);
     let nan = |p: &Point, step: &Step| {
         let factor = if step.index == 3 { f64::NAN } else { 1.0 };
         Ok(Evaluation::new(p.at.val().sum() * factor))
@@ -173,49 +173,53 @@ fn mistakes_are_named() {
         Ok(Evaluation::new(loss))
     };
     assert!(message(fit().run(apart)).contains("gradient is absent"));
-    assert!(message(fit().rate(-1.0).run(bowl)).contains("rate is -1"));
-    assert!(message(fit().seed(1 << 24).run(bowl)).contains("seed"));
-    assert!(message(fit().clip(0.0).run(bowl)).contains("clip is 0"));
+    assert!(message(fit().with_rate(-1.0).run(bowl)).contains("rate is -1"));
+    assert!(message(fit().with_seed(1 << 24).run(bowl)).contains("seed"));
+    assert!(message(fit().with_clip(0.0).run(bowl)).contains("clip is 0"));
     let other = |p: &Point, step: &Step| {
         let evaluation = Evaluation::new(p.at.val().sum());
         let name = if step.index == 2 { "b" } else { "a" };
-        Ok(evaluation.value(name, 0.0))
+        Ok(evaluation.with_value(name, 0.0))
     };
     assert!(message(fit().run(other)).contains("values of step 2"));
     // A checkpoint of a fit with other settings, which are named.
     let folder = folder("mistakes");
-    fit().folder(&folder).run(bowl).expect("a fit");
+    fit().with_folder(&folder).run(bowl).expect("a fit");
     let sgd = SgdConfig::new().init();
     let slower = AdamConfig::new().with_beta_1(0.8).init();
-    let of = |optimizer| Fit::new(point(&[0.5]), optimizer, 10).progress(false);
+    let of = |optimizer| Fit::new(point(&[0.5]), optimizer, 10).with_progress(false);
     let own = ParamGroup::from_path("at");
     for (name, other) in [
-        ("seed", fit().seed(5)),
-        ("rate", fit().rate(Rate::cosine(0.01))),
+        ("seed", fit().with_seed(5)),
+        ("rate", fit().with_rate(Rate::cosine(0.01))),
         (
             "blur",
-            fit().blur(BlurSchedule::decay(0.1, 0.01, 5).expect("one")),
+            fit().with_blur(BlurSchedule::decay(0.1, 0.01, 5).expect("one")),
         ),
-        ("groups' rates", fit().rate_of(own, 0.1)),
+        ("groups' rates", fit().with_rate_of(own, 0.1)),
         ("optimizer", of(sgd)),
         ("optimizer", of(slower)),
     ] {
-        let found = message(other.folder(&folder).run(bowl));
+        let found = message(other.with_folder(&folder).run(bowl));
         let named = found.matches(" now").count() == 1 && found.contains(&format!("(\"{name} "));
         assert!(named, "{name}: {found}");
     }
-    let fitted = fit().seed(5).folder(&folder).restart(true).run(bowl);
+    let fitted = fit()
+        .with_seed(5)
+        .with_folder(&folder)
+        .with_restart(true)
+        .run(bowl);
     assert_eq!(fitted.expect("a fit").resumed, None);
 }
 
 #[test]
 fn finished_fits_continue_with_more_steps() {
     let folder = folder("more");
-    let fit = |steps| Fit::new(point(&[0.5, -1.0]), adam(), steps).progress(false);
-    fit(10).folder(&folder).run(bowl).expect("a fit");
-    let more = fit(25).folder(&folder).run(bowl).expect("a fit");
+    let fit = |steps| Fit::new(point(&[0.5, -1.0]), adam(), steps).with_progress(false);
+    fit(10).with_folder(&folder).run(bowl).expect("a fit");
+    let more = fit(25).with_folder(&folder).run(bowl).expect("a fit");
     assert_eq!((more.resumed, more.history.rows.len()), (Some(10), 25));
-    let less = fit(20).folder(&folder).run(bowl);
+    let less = fit(20).with_folder(&folder).run(bowl);
     assert!(message(less).contains("steps is 20, expected at least 25"));
     let whole = fit(25).run(bowl).expect("a fit");
     assert_eq!(place(&more.module), place(&whole.module));
@@ -225,15 +229,20 @@ fn finished_fits_continue_with_more_steps() {
 #[test]
 fn groups_have_rates_of_their_own() {
     let at = || point(&[0.5, -1.0]);
-    let fit = || Fit::new(at(), SgdConfig::new().init(), 3).progress(false);
+    let fit = || Fit::new(at(), SgdConfig::new().init(), 3).with_progress(false);
     let moved = |fit: Fit<Point>| place(&fit.run(bowl).expect("a fit").module);
-    let other = fit().rate_of(ParamGroup::from_path("nowhere"), 0.7);
+    let other = fit().with_rate_of(ParamGroup::from_path("nowhere"), 0.7);
     assert_eq!(moved(fit()), moved(other));
     let own = || ParamGroup::from_path("at");
-    assert_eq!(moved(fit().rate(0.3)), moved(fit().rate_of(own(), 0.3)));
-    let twice = fit().rate_of(ParamGroup::all(), 0.7).rate_of(own(), 0.3);
-    assert_eq!(moved(fit().rate(0.3)), moved(twice));
-    assert!(message(fit().rate_of(own(), -1.0).run(bowl)).contains("rate is -1"));
+    assert_eq!(
+        moved(fit().with_rate(0.3)),
+        moved(fit().with_rate_of(own(), 0.3))
+    );
+    let twice = fit()
+        .with_rate_of(ParamGroup::all(), 0.7)
+        .with_rate_of(own(), 0.3);
+    assert_eq!(moved(fit().with_rate(0.3)), moved(twice));
+    assert!(message(fit().with_rate_of(own(), -1.0).run(bowl)).contains("rate is -1"));
 }
 
 /// Bytes that changed, in any file of a checkpoint: the one before it serves, and the fit ends the same.
@@ -242,14 +251,14 @@ fn damaged_checkpoints_are_passed_over() {
     let folder = folder("damaged");
     let fit = |last: usize| {
         Fit::new(point(&[0.5, -1.0]), adam(), 40)
-            .progress(false)
-            .checkpoint_every(5)
-            .folder(&folder)
+            .with_progress(false)
+            .with_checkpoint_every(5)
+            .with_folder(&folder)
             .on_step(1, move |report| Ok(report.step.index < last))
             .run(bowl)
     };
     let whole = Fit::new(point(&[0.5, -1.0]), adam(), 40)
-        .progress(false)
+        .with_progress(false)
         .run(bowl);
     let whole = place(&whole.expect("a fit").module);
     let checkpoints = folder.join("checkpoints");
@@ -291,8 +300,8 @@ fn one_process_fits_in_a_folder() {
     let inner = folder.clone();
     let fit = |folder: &Path| {
         Fit::new(point(&[0.5]), adam(), 2)
-            .progress(false)
-            .folder(folder)
+            .with_progress(false)
+            .with_folder(folder)
     };
     let fitted = fit(&folder).on_step(1, move |report| {
         if report.step.index == 0 {
@@ -308,23 +317,23 @@ fn one_process_fits_in_a_folder() {
 /// A fit of an offset through the renderer; one or two seconds.
 fn rendered(folder: &Path) -> Fitted<Point> {
     let device = Device::flex();
-    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
-    let options = RenderOptions::new(16, 16).samples(4).bounces(1);
+    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).with_fov_y(40.0);
+    let options = RenderOptions::new(16, 16).with_samples(4).with_bounces(1);
     let scene = |at: Tensor<1>| {
         Scene::new()
-            .with(Object::new(shapes::icosahedron(&device).translated(at)))
-            .environment([1.0, 1.0, 1.0])
+            .with_object(Object::new(shapes::icosahedron(&device).translated(at)))
+            .with_environment([1.0, 1.0, 1.0])
     };
     let still = scene(Tensor::zeros([3], &device));
-    let sharp = options.clone().samples(64);
+    let sharp = options.clone().with_samples(64);
     let target = render(&still, &camera, &sharp).expect("a target").radiance;
     let blur = BlurSchedule::decay(0.1, 1e-3, 200).expect("a schedule");
     Fit::new(point(&[0.3, -0.2, 0.1]), adam(), 300)
-        .progress(false)
-        .rate(Rate::cosine(0.03))
-        .blur(blur)
-        .folder(folder)
-        .checkpoint_every(3)
+        .with_progress(false)
+        .with_rate(Rate::cosine(0.03))
+        .with_blur(blur)
+        .with_folder(folder)
+        .with_checkpoint_every(3)
         .run(|p: &Point, step: &_| {
             let see = |k| render(&scene(p.at.val()), &camera, &step.options(&options, k));
             let (a, b) = (see(0)?.radiance, see(1)?.radiance);

@@ -8,13 +8,13 @@ use softray::prelude::*;
 /// A wall of 20 × 20 units in the plane y = 0.
 fn wall() -> Scene {
     let wall = shapes::plane_grid(20.0, 20.0, 1, 1, &Device::flex());
-    Scene::new().with(Object::new(wall).named("wall"))
+    Scene::new().with_object(Object::new(wall).with_name("wall"))
 }
 
 /// Looks down on the wall from above.
 fn above(height: f64) -> Camera {
     let camera = Camera::look_at([0.0, height, 0.0], [0.0; 3]);
-    camera.up([0.0, 0.0, 1.0]).fov_y(60.0)
+    camera.with_up([0.0, 0.0, 1.0]).with_fov_y(60.0)
 }
 
 #[test]
@@ -46,7 +46,7 @@ fn cosine_is_slow_at_both_ends() {
     let decay = BlurSchedule::decay(1e-1, 1e-5, 30).expect("a schedule");
     assert_ne!(schedule, decay);
     assert!(schedule.at(1) > decay.at(1) && schedule.at(29) < decay.at(29));
-    let held = schedule.clone().hold(7);
+    let held = schedule.clone().with_hold(7);
     assert!((0..50).all(|step| held.at(step + 7) == schedule.at(step)));
     assert_eq!(held.at(3), 1e-1);
 }
@@ -61,7 +61,7 @@ proptest! {
     ) {
         let end = start * share;
         let schedules = [BlurSchedule::decay, BlurSchedule::cosine]
-            .map(|new| new(start, end, steps).expect("a schedule").hold(hold));
+            .map(|new| new(start, end, steps).expect("a schedule").with_hold(hold));
         for schedule in schedules {
             prop_assert_eq!(schedule.at(0), start);
             prop_assert_eq!(schedule.at(hold + steps), end);
@@ -126,7 +126,7 @@ fn plateau_waits_while_a_noisy_loss_falls() {
 fn plateau_falls_to_its_end_while_a_noisy_loss_is_flat() {
     // Means of 20 values of ±30 % differ by up to 3 % here: the tolerance is above it.
     let blur = PlateauBlur::new(1e-1, 1e-3, 0.25, 20).expect("a schedule");
-    let mut blur = blur.tolerance(0.05).expect("a tolerance");
+    let mut blur = blur.with_tolerance(0.05).expect("a tolerance");
     let mut values = vec![blur.value()];
     for i in 0..250 {
         blur.observe(0.7 * jitter(i));
@@ -168,7 +168,7 @@ fn plateau_changes_after_two_windows() {
 #[test]
 fn plateau_errors_name_the_field_and_the_value() {
     let new = PlateauBlur::new;
-    let tolerance = |t: f64| new(1.0, 0.1, 0.5, 3).expect("a schedule").tolerance(t);
+    let tolerance = |t: f64| new(1.0, 0.1, 0.5, 3).expect("a schedule").with_tolerance(t);
     let cases = [
         (new(0.0, 0.1, 0.5, 3), "start is 0"),
         (new(1.0, f64::NAN, 0.5, 3), "end is NaN"),
@@ -204,7 +204,7 @@ fn blur_of_either_kind() {
 #[test]
 fn holds_before_it_falls() {
     let falls = BlurSchedule::decay(1e-1, 1e-3, 10).expect("a schedule");
-    let holds = falls.clone().hold(5);
+    let holds = falls.clone().with_hold(5);
     assert_ne!(holds, falls);
     for step in 0..=5 {
         assert_eq!(holds.at(step), 1e-1);
@@ -252,7 +252,7 @@ fn errors_name_the_field_and_the_value() {
         says(message(found), [expected]);
     }
     says(
-        message(pixel_angle(&above(5.0).fov_y(180.0), 16)),
+        message(pixel_angle(&above(5.0).with_fov_y(180.0), 16)),
         ["fov_y"],
     );
 }
@@ -268,8 +268,8 @@ fn auto_goes_from_the_scene_to_the_pixel() {
             scale = scale.autodiff().require_grad();
         }
         let radius = Tensor::<1>::from_floats([radius as f32], &device);
-        let ball = Object::new(shapes::icosphere(2, &device).scaled(radius)).named("ball");
-        let mut scene = wall().with(ball);
+        let ball = Object::new(shapes::icosphere(2, &device).scaled(radius)).with_name("ball");
+        let mut scene = wall().with_object(ball);
         for object in &mut scene.objects {
             object.mesh = object.mesh.clone().scaled(scale.clone());
         }

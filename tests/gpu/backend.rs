@@ -92,7 +92,7 @@ fn device_of_few_bindings(most: u32) -> Device {
 fn a_device_that_allows_too_few_bindings_is_told() {
     let device = device_of_few_bindings(7);
     let file = scene_file("cornell", &device);
-    let options = RenderOptions::new(8, 8).samples(1);
+    let options = RenderOptions::new(8, 8).with_samples(1);
     let told = render(&file.scene, &file.camera, &options).expect_err("few bindings");
     let told = told.to_string();
     println!("{told}");
@@ -105,7 +105,7 @@ fn a_device_that_allows_too_few_bindings_is_told() {
 fn an_image_tells_what_program_ran() {
     let ran = |device: &Device, engine: Engine| {
         let file = scene_file("cornell", device);
-        let options = RenderOptions::new(4, 4).samples(1).engine(engine);
+        let options = RenderOptions::new(4, 4).with_samples(1).with_engine(engine);
         let image = render(&file.scene, &file.camera, &options).expect("an image");
         image.statistics.program
     };
@@ -126,10 +126,10 @@ fn image_of_the_cpu(form: Visibility) {
     let at = |device: &Device| {
         let file = scene_file("cornell", device);
         let options = RenderOptions::new(32, 32)
-            .samples(SAMPLES)
-            .bounces(1)
-            .visibility(form)
-            .seed(2);
+            .with_samples(SAMPLES)
+            .with_bounces(1)
+            .with_visibility(form)
+            .with_seed(2);
         radiance(&file.scene, &file.camera, &options)
     };
     let gpu = at(&device());
@@ -149,7 +149,10 @@ fn gradients_are_those_of_the_cpu() {
             .scene
             .map_object("occluder", |o| o.map_mesh(|m| m.translated(offset.clone())))
             .expect("the object");
-        let options = RenderOptions::new(12, 12).samples(8).bounces(0).seed(3);
+        let options = RenderOptions::new(12, 12)
+            .with_samples(8)
+            .with_bounces(0)
+            .with_seed(3);
         let image = render(&scene, &file.camera, &options).expect("an image");
         let gradients = image.radiance.powf_scalar(2.0).sum().backward();
         gradient(&offset, &gradients)
@@ -177,7 +180,7 @@ fn every_gradient_of_the_softmax_is_that_of_the_cpu() {
 fn both_engines_agree() {
     use crate::common::gradients::{CONES, Effort, Setup, all_classes, assert_agreement};
     let gpu = device();
-    let setups: [Setup; 2] = [(&gpu, |o| o), (&gpu, |o| o.engine(Engine::Tensors))];
+    let setups: [Setup; 2] = [(&gpu, |o| o), (&gpu, |o| o.with_engine(Engine::Tensors))];
     let effort = Effort {
         samples: 4,
         ..CONES

@@ -16,19 +16,19 @@ fn batch(device: &Device) -> (Batch, Tensor<3>, Tensor<1>) {
     let stack = Tensor::stack::<3>(vec![ball.vertices.clone(); 3], 0);
     let vertices = stack.autodiff().require_grad();
     let scene = Scene::new()
-        .with(diffuse(floor(2.0, -0.6, device), [0.5, 0.4, 0.3]).named("floor"))
-        .with(lamp(0.5, 2.0, [5.0, 4.0, 3.0], device))
-        .with(diffuse(ball, [0.3, 0.5, 0.6]).named("body"));
+        .with_object(diffuse(floor(2.0, -0.6, device), [0.5, 0.4, 0.3]).with_name("floor"))
+        .with_object(lamp(0.5, 2.0, [5.0, 4.0, 3.0], device))
+        .with_object(diffuse(ball, [0.3, 0.5, 0.6]).with_name("body"));
     let texels: Vec<f64> = (0..384).map(|i| 0.5 + 0.5 * f64::from(i).sin()).collect();
     let map = Environment::map(tensor(&texels, [8, 16, 3], device, DType::F32));
-    let other = scene.clone().environment(map);
-    let from = |x: f64| Camera::look_at([x, 1.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+    let other = scene.clone().with_environment(map);
+    let from = |x: f64| Camera::look_at([x, 1.0, 4.0], [0.0, 0.0, 0.0]).with_fov_y(40.0);
     let views = vec![
         (0, from(0.3)),
         (1, from(-0.5)),
         (0, from(1.0)),
         (2, from(0.1)),
-        (2, from(0.2).thin_lens(0.1, 4.0)),
+        (2, from(0.2).with_thin_lens(0.1, 4.0)),
     ];
     let scaled = vertices.clone() * widths.clone().reshape([3, 1, 1]);
     let scenes = vec![scene.clone(), scene, other];
@@ -39,9 +39,11 @@ fn batch(device: &Device) -> (Batch, Tensor<3>, Tensor<1>) {
 /// The image of the batch, derivatives by all bodies, and what the process read back for each.
 fn on(device: &Device, samples: u32) -> (Vec<f64>, Vec<f64>, [u64; 2]) {
     let (batch, vertices, widths) = batch(device);
-    let options = RenderOptions::new(12, 10).samples(samples).bounces(1);
+    let options = RenderOptions::new(12, 10)
+        .with_samples(samples)
+        .with_bounces(1);
     let before = work();
-    let images = render_batch(&batch, &options.seed(4)).expect("images");
+    let images = render_batch(&batch, &options.with_seed(4)).expect("images");
     let of_render = (work() - before).read_backs;
     let weights: Vec<f64> = (0..5 * 360).map(|i| (0.37 * f64::from(i)).sin()).collect();
     let weights = tensor(&weights, [5, 10, 12, 3], device, DType::F32);
@@ -85,14 +87,17 @@ fn work_of_a_step() {
         let ball = shapes::icosahedron(&device).scaled([0.5; 3]);
         let numbers = ball.vertices.dims()[0] * 3 * scenes;
         let scene = Scene::new()
-            .with(diffuse(floor(2.0, -0.6, &device), [0.5, 0.4, 0.3]))
-            .with(lamp(0.5, 2.0, [5.0, 4.0, 3.0], &device))
-            .with(diffuse(ball.clone(), [0.3, 0.5, 0.6]).named("body"));
+            .with_object(diffuse(floor(2.0, -0.6, &device), [0.5, 0.4, 0.3]))
+            .with_object(lamp(0.5, 2.0, [5.0, 4.0, 3.0], &device))
+            .with_object(diffuse(ball.clone(), [0.3, 0.5, 0.6]).with_name("body"));
         let stack = Tensor::stack::<3>(vec![ball.vertices; scenes], 0);
-        let camera = Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+        let camera = Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]).with_fov_y(40.0);
         let batch = Batch::new(vec![scene; scenes], vec![camera]).expect("a batch");
         let cache = HierarchyCache::default();
-        let options = RenderOptions::new(8, 8).samples(2).bounces(1).cache(&cache);
+        let options = RenderOptions::new(8, 8)
+            .with_samples(2)
+            .with_bounces(1)
+            .with_cache(&cache);
         let step = |scale: f64| {
             let vertices = (stack.clone() * scale).autodiff().require_grad();
             let batch = batch.clone().with_vertices("body", vertices.clone());
@@ -124,9 +129,9 @@ fn scenes_stay_on_the_device() {
         return;
     }
     let device = device();
-    let camera = Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
-    let options = RenderOptions::new(12, 12).samples(2).bounces(1);
-    let kept = options.clone().cache(&HierarchyCache::default());
+    let camera = Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]).with_fov_y(40.0);
+    let options = RenderOptions::new(12, 12).with_samples(2).with_bounces(1);
+    let kept = options.clone().with_cache(&HierarchyCache::default());
     let beside = shapes::icosphere(4, &device).scaled([0.5; 3]);
     let beside = beside.translated([1.2, 0.0, 0.0]);
     // The sum of an image with a color and a size of a body beside a larger one, and both in its graph.
@@ -135,10 +140,10 @@ fn scenes_stay_on_the_device() {
         let size = leaf(&[size], &device);
         let body = shapes::icosphere(3, &device).scaled(size.clone());
         let scene = Scene::new()
-            .with(diffuse(floor(2.0, -0.6, &device), [0.5, 0.4, 0.3]))
-            .with(lamp(0.5, 2.0, [5.0, 4.0, 3.0], &device))
-            .with(Object::new(body).material(Material::diffuse(color.clone())))
-            .with(diffuse(beside.clone(), [0.6, 0.5, 0.3]));
+            .with_object(diffuse(floor(2.0, -0.6, &device), [0.5, 0.4, 0.3]))
+            .with_object(lamp(0.5, 2.0, [5.0, 4.0, 3.0], &device))
+            .with_object(Object::new(body).with_material(Material::diffuse(color.clone())))
+            .with_object(diffuse(beside.clone(), [0.6, 0.5, 0.3]));
         let before = work();
         let image = render(&scene, &camera, options).expect("an image");
         let sent = (work() - before).uploaded_bytes;
@@ -199,10 +204,10 @@ fn large_scenes_are_sent_in_parts() {
         let texels = (0..SIZE.iter().product()).map(texel);
         let texels = Tensor::<1>::from_floats(&*texels.collect::<Vec<f32>>(), device);
         let scene = Scene::new()
-            .with(diffuse(floor(2.0, -0.6, device), [0.5, 0.4, 0.3]))
-            .environment(Environment::map(texels.reshape(SIZE)));
+            .with_object(diffuse(floor(2.0, -0.6, device), [0.5, 0.4, 0.3]))
+            .with_environment(Environment::map(texels.reshape(SIZE)));
         let camera = Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]);
-        let options = RenderOptions::new(8, 8).samples(4).bounces(1);
+        let options = RenderOptions::new(8, 8).with_samples(4).with_bounces(1);
         let before = work();
         let image = render(&scene, &camera, &options).expect("an image");
         (values(&image.radiance), (work() - before).uploads)
@@ -220,7 +225,7 @@ fn searches_fill_their_lanes() {
         return;
     }
     let (batch, vertices, _) = batch(&device());
-    let options = RenderOptions::new(16, 16).samples(16).bounces(2);
+    let options = RenderOptions::new(16, 16).with_samples(16).with_bounces(2);
     let before = work();
     let images = render_batch(&batch, &options.with_statistics()).expect("images");
     let gradients = images.radiance.sum().backward();
@@ -235,8 +240,8 @@ fn searches_fill_their_lanes() {
 #[test]
 fn adaptive_images_are_those_of_the_host() {
     let on = |device: &Device| {
-        let options = RenderOptions::new(12, 10).samples(32).bounces(1);
-        let options = options.seed(4).adaptive().with_statistics();
+        let options = RenderOptions::new(12, 10).with_samples(32).with_bounces(1);
+        let options = options.with_seed(4).with_adaptive().with_statistics();
         let images = render_batch(&batch(device).0, &options).expect("images");
         let paths = images.statistics.iter().map(|s| s.bounces[0]);
         (values(&images.radiance), paths.collect::<Vec<u64>>())

@@ -32,12 +32,15 @@ fn a_fit_compiles_its_kernels_in_its_first_steps() {
     let device = device();
     let ball = shapes::icosphere(2, &device).scaled([0.5; 3]);
     let scene = Scene::new()
-        .with(diffuse(floor(2.0, -0.6, &device), [0.5, 0.4, 0.3]))
-        .with(lamp(0.5, 2.0, [5.0, 4.0, 3.0], &device))
-        .with(diffuse(ball.clone(), [0.3, 0.5, 0.6]).named("body"));
-    let camera = Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+        .with_object(diffuse(floor(2.0, -0.6, &device), [0.5, 0.4, 0.3]))
+        .with_object(lamp(0.5, 2.0, [5.0, 4.0, 3.0], &device))
+        .with_object(diffuse(ball.clone(), [0.3, 0.5, 0.6]).with_name("body"));
+    let camera = Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]).with_fov_y(40.0);
     let cache = HierarchyCache::default();
-    let options = RenderOptions::new(8, 8).samples(2).bounces(1).cache(&cache);
+    let options = RenderOptions::new(8, 8)
+        .with_samples(2)
+        .with_bounces(1)
+        .with_cache(&cache);
     let waves = (ball.vertices.clone() * 9.0).sin();
     let mut early = 0;
     for step in 0..100u32 {
@@ -50,7 +53,8 @@ fn a_fit_compiles_its_kernels_in_its_first_steps() {
             .clone()
             .map_object("body", |o| o.map_mesh(|_| body.clone()));
         let scene = scene.expect("the body");
-        let image = render(&scene, &camera, &options.clone().seed(step.into())).expect("an image");
+        let image =
+            render(&scene, &camera, &options.clone().with_seed(step.into())).expect("an image");
         let gradients = image.radiance.powf_scalar(2.0).sum().backward();
         assert!(
             gradient(&vertices, &gradients)

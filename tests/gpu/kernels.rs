@@ -25,8 +25,10 @@ fn images_are_those_of_the_host() {
     for bounces in [0, 3] {
         let at = |device: &Device| {
             let file = scene_file("cornell", device);
-            let options = RenderOptions::new(64, 64).samples(64).bounces(bounces);
-            radiance(&file.scene, &file.camera, &options.seed(2))
+            let options = RenderOptions::new(64, 64)
+                .with_samples(64)
+                .with_bounces(bounces);
+            radiance(&file.scene, &file.camera, &options.with_seed(2))
         };
         let gpu = at(&device());
         assert_eq!(gpu, at(&device()));
@@ -60,7 +62,7 @@ fn by_vertices(case: &Case, device: &Device) -> Vec<f64> {
         let flies = object.velocity.is_some();
         object.velocity = flies.then(|| velocity.clone().into());
     }
-    let options = (case.options)(RenderOptions::new(12, 12).samples(8).seed(3));
+    let options = (case.options)(RenderOptions::new(12, 12).with_samples(8).with_seed(3));
     let start = Instant::now();
     let (rows, image) = match case.pixels {
         None => (12, render(&scene, &camera, &options)),
@@ -104,15 +106,15 @@ fn flying(device: &Device) -> (Scene, Camera) {
         device,
     );
     let scene = Scene::new()
-        .with(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]).named("floor"))
-        .with(lamp(0.5, 2.4, [5.0, 4.0, 3.0], device).named("lamp"))
-        .with(emitting(
+        .with_object(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]).with_name("floor"))
+        .with_object(lamp(0.5, 2.4, [5.0, 4.0, 3.0], device).with_name("lamp"))
+        .with_object(emitting(
             facing_front([-1.6, -1.2], [0.2, 0.9], -1.0, device),
             [3.0, 3.0, 4.0],
         ))
-        .with(diffuse(ball, [0.3, 0.5, 0.6]).velocity([0.3, 0.1, 0.0]))
-        .with(diffuse(sheet, [0.6, 0.3, 0.2]));
-    let camera = Camera::look_at([0.3, 1.4, 4.0], [0.0, 0.6, 0.0]).thin_lens(0.1, 3.8);
+        .with_object(diffuse(ball, [0.3, 0.5, 0.6]).with_velocity([0.3, 0.1, 0.0]))
+        .with_object(diffuse(sheet, [0.6, 0.3, 0.2]));
+    let camera = Camera::look_at([0.3, 1.4, 4.0], [0.0, 0.6, 0.0]).with_thin_lens(0.1, 3.8);
     (scene, camera)
 }
 
@@ -125,7 +127,7 @@ fn cases() -> Vec<Case> {
                 let file = scene_file("shadow", device);
                 (file.scene, file.camera)
             },
-            options: |o| o.bounces(0),
+            options: |o| o.with_bounces(0),
             pixels: None,
         },
         Case {
@@ -134,13 +136,13 @@ fn cases() -> Vec<Case> {
                 let file = scene_file("cornell", device);
                 (file.scene, file.camera)
             },
-            options: |o| o.bounces(2),
+            options: |o| o.with_bounces(2),
             pixels: None,
         },
         Case {
             name: "flying",
             scene: flying,
-            options: |o| o.bounces(1),
+            options: |o| o.with_bounces(1),
             pixels: None,
         },
         Case {
@@ -149,12 +151,12 @@ fn cases() -> Vec<Case> {
                 let (scene, camera) = flying(device);
                 let gloss = Material::phong([0.3, 0.2, 0.2], [0.5; 3], 20.0);
                 let scene = scene
-                    .map_object("floor", |o| o.material(gloss.clone()))
+                    .map_object("floor", |o| o.with_material(gloss.clone()))
                     .expect("the floor")
-                    .environment([0.3, 0.4, 0.5]);
+                    .with_environment([0.3, 0.4, 0.5]);
                 (scene, camera)
             },
-            options: |o| o.bounces(1).visibility(Visibility::cone(0.05)),
+            options: |o| o.with_bounces(1).with_visibility(Visibility::cone(0.05)),
             pixels: None,
         },
         Case {
@@ -163,13 +165,13 @@ fn cases() -> Vec<Case> {
                 let (scene, camera) = flying(device);
                 let texels: Vec<f64> = (0..384).map(|i| 0.5 + 0.5 * f64::from(i).sin()).collect();
                 let map = tensor(&texels, [8, 16, 3], device, DType::F32);
-                let mut scene = scene.environment(Environment::map(map));
+                let mut scene = scene.with_environment(Environment::map(map));
                 for object in &mut scene.objects {
                     object.mesh = object.mesh.clone().smooth_normals();
                 }
                 (scene, camera)
             },
-            options: |o| o.bounces(1).with_depth().with_normals().with_opacity(),
+            options: |o| o.with_bounces(1).with_depth().with_normals().with_opacity(),
             pixels: None,
         },
         // Lines in which triangles pass through each other.
@@ -179,14 +181,14 @@ fn cases() -> Vec<Case> {
                 let ball = shapes::icosahedron(device).scaled([0.6; 3]);
                 let ball = ball.translated([0.1, 0.2, 0.1]);
                 let scene = Scene::new()
-                    .with(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]))
-                    .with(lamp(0.5, 2.4, [5.0, 4.0, 3.0], device))
-                    .with(diffuse(ball, [0.3, 0.5, 0.6]))
-                    .environment([0.2, 0.3, 0.4]);
+                    .with_object(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]))
+                    .with_object(lamp(0.5, 2.4, [5.0, 4.0, 3.0], device))
+                    .with_object(diffuse(ball, [0.3, 0.5, 0.6]))
+                    .with_environment([0.2, 0.3, 0.4]);
                 let camera = Camera::look_at([0.3, 1.4, 4.0], [0.0, 0.3, 0.0]);
-                (scene, camera.orthographic(3.0))
+                (scene, camera.with_orthographic(3.0))
             },
-            options: |o| o.bounces(2),
+            options: |o| o.with_bounces(2),
             pixels: None,
         },
         // Holes, in what is seen, what casts shadows and what shines.
@@ -202,11 +204,11 @@ fn cases() -> Vec<Case> {
                     let uvs = tensor(&uvs, [count, 2], device, DType::F32);
                     object.mesh = object.mesh.clone().with_uvs(uvs);
                     let material = object.materials[0].clone();
-                    object.materials[0] = material.alpha_mask(alphas.clone(), 0.45);
+                    object.materials[0] = material.with_alpha_mask(alphas.clone(), 0.45);
                 }
                 (scene, camera)
             },
-            options: |o| o.bounces(1),
+            options: |o| o.with_bounces(1),
             pixels: None,
         },
         // So many that one is drawn from a tree, beside lights without extent.
@@ -218,20 +220,20 @@ fn cases() -> Vec<Case> {
                 let ball = emitting(ball.translated([-1.2, 1.1, 0.6]), [1.0, 2.0, 3.0]);
                 let gloss = Material::phong([0.3, 0.2, 0.2], [0.5; 3], 6.0);
                 let scene = scene
-                    .map_object("floor", |o| o.material(gloss.clone()))
+                    .map_object("floor", |o| o.with_material(gloss.clone()))
                     .expect("the floor")
-                    .with(ball)
-                    .light(Light::point([0.9, 1.5, 1.2], [2.0, 1.0, 0.5]))
-                    .light(Light::directional([-0.4, -1.0, -0.6], [0.3, 0.4, 0.5]));
+                    .with_object(ball)
+                    .with_light(Light::point([0.9, 1.5, 1.2], [2.0, 1.0, 0.5]))
+                    .with_light(Light::directional([-0.4, -1.0, -0.6], [0.3, 0.4, 0.5]));
                 (scene, camera)
             },
-            options: |o| o.bounces(1),
+            options: |o| o.with_bounces(1),
             pixels: None,
         },
         Case {
             name: "pixels",
             scene: flying,
-            options: |o| o.bounces(1),
+            options: |o| o.with_bounces(1),
             pixels: Some(&[7, 30, 31, 66, 67, 68, 79, 90, 100, 143]),
         },
     ]
@@ -307,8 +309,8 @@ fn of_faces(faces: usize, device: &Device) -> (Scene, Camera) {
     let sky = [0.2, 0.3, 0.4];
     if faces == 2 {
         let square = facing_front([-0.5, 0.7], [-0.4, 0.8], 0.0, device);
-        let scene = Scene::new().with(diffuse(square, [0.3, 0.5, 0.6]));
-        return (scene.environment(sky), camera);
+        let scene = Scene::new().with_object(diffuse(square, [0.3, 0.5, 0.6]));
+        return (scene.with_environment(sky), camera);
     }
     if faces == 32 {
         let file = scene_file("cornell", device);
@@ -318,10 +320,10 @@ fn of_faces(faces: usize, device: &Device) -> (Scene, Camera) {
     let ball = shapes::icosphere(subdivisions, device).scaled([0.6; 3]);
     assert_eq!(ball.faces.len(), faces);
     let scene = Scene::new()
-        .with(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]))
-        .with(lamp(0.5, 2.4, [5.0, 4.0, 3.0], device))
-        .with(diffuse(ball.translated([0.1, 0.8, 0.1]), [0.3, 0.5, 0.6]))
-        .environment(sky);
+        .with_object(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]))
+        .with_object(lamp(0.5, 2.4, [5.0, 4.0, 3.0], device))
+        .with_object(diffuse(ball.translated([0.1, 0.8, 0.1]), [0.3, 0.5, 0.6]))
+        .with_environment(sky);
     (scene, camera)
 }
 
@@ -335,9 +337,9 @@ fn scenes_of_few_and_of_many_faces() {
         let (scene, camera) = of_faces(faces, device);
         let scene = with_leaves(scene);
         let options = RenderOptions::new(SIZE, SIZE)
-            .samples(SAMPLES)
-            .bounces(1)
-            .seed(5);
+            .with_samples(SAMPLES)
+            .with_bounces(1)
+            .with_seed(5);
         let image = render(&scene, &camera, &options).expect("an image");
         let weights: Vec<f64> = (0..3 * SIZE * SIZE)
             .map(|i| 0.6 + (0.37 * i as f64).sin())
@@ -371,8 +373,8 @@ fn rays_are_counted_on_request() {
     for case in cases().iter().filter(|c| counted.contains(&c.name)) {
         let at = |device: &Device, counted: bool| {
             let (scene, camera) = (case.scene)(device);
-            let options = (case.options)(RenderOptions::new(12, 12).samples(8).seed(3));
-            let options = options.bounces(3).russian_roulette(1);
+            let options = (case.options)(RenderOptions::new(12, 12).with_samples(8).with_seed(3));
+            let options = options.with_bounces(3).with_russian_roulette(1);
             let more = |options: RenderOptions| options.with_statistics().with_diagnostics();
             let options = if counted { more(options) } else { options };
             let image = match case.pixels {

@@ -14,18 +14,20 @@ const SIZE: usize = 32;
 fn scene(device: &Device) -> Scene {
     let body = shapes::icosahedron(device).scaled([0.5; 3]);
     Scene::new()
-        .with(diffuse(floor(1.0, -0.6, device), [0.5, 0.4, 0.3]).named("floor"))
-        .with(lamp(0.5, 2.0, [5.0, 4.0, 3.0], device).named("lamp"))
-        .with(diffuse(body, [0.3, 0.5, 0.6]).named("body"))
+        .with_object(diffuse(floor(1.0, -0.6, device), [0.5, 0.4, 0.3]).with_name("floor"))
+        .with_object(lamp(0.5, 2.0, [5.0, 4.0, 3.0], device).with_name("lamp"))
+        .with_object(diffuse(body, [0.3, 0.5, 0.6]).with_name("body"))
 }
 
 fn camera() -> Camera {
-    Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0)
+    Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]).with_fov_y(40.0)
 }
 
 fn options() -> RenderOptions {
-    let options = RenderOptions::new(SIZE, SIZE).samples(4).bounces(1);
-    options.with_opacity().seed(4)
+    let options = RenderOptions::new(SIZE, SIZE)
+        .with_samples(4)
+        .with_bounces(1);
+    options.with_opacity().with_seed(4)
 }
 
 /// Derivatives of a loss by all vertices.
@@ -75,8 +77,11 @@ fn a_loss_of_few_pixels() {
 /// added to sums that have more room than those of a launch.
 #[test]
 fn a_pixel_that_counts_for_far_more() {
-    let options = RenderOptions::new(128, 128).samples(1).bounces(1).seed(4);
-    let options = options.adaptive_edges(false);
+    let options = RenderOptions::new(128, 128)
+        .with_samples(1)
+        .with_bounces(1)
+        .with_seed(4);
+    let options = options.with_adaptive_edges(false);
     let one = 64 * 128 + 62;
     let weight = |pixel: usize| if pixel == one { 1e9 } else { 1.0 };
     assert!(off(scene, &options, |image| weighted(image, weight)) < 1e-5);
@@ -141,12 +146,12 @@ fn many_emitters() {
     let balls = |device: &Device| {
         let ball = shapes::icosphere(1, device).scaled([0.2; 3]);
         let ball = emitting(ball.translated([-1.0, 1.2, 0.4]), [1.0, 2.0, 3.0]);
-        scene(device).with(ball)
+        scene(device).with_object(ball)
     };
     for emitters in [EmitterSampling::Uniform, EmitterSampling::Power] {
         let mut sampling = Sampling::default();
         sampling.emitters = emitters;
-        let options = options().sampling(sampling);
+        let options = options().with_sampling(sampling);
         assert!(off(balls, &options, |i| weighted(i, |_| 1.0)) < 1e-5);
     }
     let distant = |device: &Device| {
@@ -155,8 +160,9 @@ fn many_emitters() {
             let direction = [0.5 * turn.cos(), -1.0, 0.5 * turn.sin()];
             Light::directional(direction, [0.01 + 1e-3 * f64::from(i); 3])
         });
-        let dark = scene(device).map_object("lamp", |o| o.material(Material::diffuse([0.2; 3])));
-        lights.fold(dark.expect("the lamp"), Scene::light)
+        let dark =
+            scene(device).map_object("lamp", |o| o.with_material(Material::diffuse([0.2; 3])));
+        lights.fold(dark.expect("the lamp"), Scene::with_light)
     };
     assert!(off(distant, &options(), |i| weighted(i, |_| 1.0)) < 1e-4);
 }
@@ -169,9 +175,9 @@ fn flying_crossings() {
         let wall = facing_front([-0.2, 1.4], [-0.4, 1.0], 0.1, device);
         let flying = still
             .clone()
-            .map_object("body", |o| o.velocity([0.4, 0.1, 0.0]))
+            .map_object("body", |o| o.with_velocity([0.4, 0.1, 0.0]))
             .expect("the body")
-            .with(diffuse(wall, [0.6, 0.5, 0.4]));
+            .with_object(diffuse(wall, [0.6, 0.5, 0.4]));
         let [still, flying] = [still, flying].map(with_leaves);
         let batch = Batch::new(vec![still.clone(), flying.clone()], vec![camera(); 2]);
         let images = render_batch(&batch.expect("a batch"), &options()).expect("images");

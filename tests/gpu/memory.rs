@@ -12,9 +12,9 @@ fn step(device: &Device, options: &RenderOptions) -> Vec<f64> {
     let place = leaf(&[0.1, 0.6, 0.1], device);
     let square = facing_front([-0.5, 0.4], [-0.4, 0.5], 0.0, device).translated(place.clone());
     let scene = Scene::new()
-        .with(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]))
-        .with(lamp(0.5, 2.4, [5.0, 4.0, 3.0], device))
-        .with(diffuse(square, [0.3, 0.5, 0.6]));
+        .with_object(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]))
+        .with_object(lamp(0.5, 2.4, [5.0, 4.0, 3.0], device))
+        .with_object(diffuse(square, [0.3, 0.5, 0.6]));
     let camera = Camera::look_at([0.3, 1.4, 4.0], [0.0, 0.3, 0.0]);
     let image = render(&scene, &camera, options).expect("an image");
     let gradients = image.radiance.powf_scalar(2.0).sum().backward();
@@ -33,10 +33,14 @@ fn memory_is_flat_over_steps_and_samples() {
         return;
     }
     let device = device();
-    let options = |samples| RenderOptions::new(16, 16).samples(samples).bounces(1);
+    let options = |samples| {
+        RenderOptions::new(16, 16)
+            .with_samples(samples)
+            .with_bounces(1)
+    };
     let mut sizes = Vec::new();
     for seed in 0..30 {
-        step(&device, &options(4).seed(seed));
+        step(&device, &options(4).with_seed(seed));
         sizes.push(bytes(&device));
     }
     println!("bytes in use and reserved by steps: {sizes:?}");
@@ -49,7 +53,7 @@ fn memory_is_flat_over_steps_and_samples() {
     // A path may have so many surfaces that the records of six samples are all that is kept at once.
     let mut long = Vec::new();
     for samples in [8, 64] {
-        step(&device, &options(samples).bounces(700));
+        step(&device, &options(samples).with_bounces(700));
         long.push(bytes(&device)[1]);
     }
     println!("bytes reserved with 8 and 64 samples: {long:?}");

@@ -49,11 +49,14 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
 }
 
 fn both(world: &World, sigma: f64, gamma: f64, cutoff: f64) -> [Outcome; 2] {
-    let options = RenderOptions::new(10, 10).samples(4).bounces(1).seed(5);
-    let softmax = SoftmaxOptions::new(sigma, gamma).cutoff(cutoff);
-    [softmax.brute_force(), softmax].map(|softmax| {
+    let options = RenderOptions::new(10, 10)
+        .with_samples(4)
+        .with_bounces(1)
+        .with_seed(5);
+    let softmax = SoftmaxOptions::new(sigma, gamma).with_cutoff(cutoff);
+    [softmax.with_brute_force(), softmax].map(|softmax| {
         let world = World {
-            options: options.clone().visibility(softmax),
+            options: options.clone().with_visibility(softmax),
             ..world.clone()
         };
         world.run(&Device::flex(), DType::F64).expect("an image")
@@ -113,10 +116,10 @@ fn the_cutoff_bounds_the_error() {
 #[test]
 fn boxes_are_fitted_while_little_moves() {
     let device = Device::flex();
-    let camera = on_axis(4.0).fov_y(40.0);
+    let camera = on_axis(4.0).with_fov_y(40.0);
     let cache = HierarchyCache::default();
-    let options = RenderOptions::new(16, 16).samples(2).bounces(1);
-    let cached = options.clone().cache(&cache);
+    let options = RenderOptions::new(16, 16).with_samples(2).with_bounces(1);
+    let cached = options.clone().with_cache(&cache);
     let at = |mesh: Mesh| {
         let scene = under_sky(mesh);
         let image = |o: &RenderOptions| radiance(&scene, &camera, o);
@@ -155,34 +158,42 @@ fn boxes_are_fitted_while_little_moves() {
 fn what_a_scene_does_not_need_is_skipped() {
     let device = Device::flex();
     let run = |scene: &Scene, bounces| {
-        let camera = on_axis(4.0).fov_y(60.0);
-        let options = RenderOptions::new(32, 32).samples(4).bounces(bounces);
+        let camera = on_axis(4.0).with_fov_y(60.0);
+        let options = RenderOptions::new(32, 32)
+            .with_samples(4)
+            .with_bounces(bounces);
         let image = render(scene, &camera, &options);
         image.expect("an image").statistics
     };
     let camera_rays = 32 * 32 * 4;
     let ball = || diffuse(shapes::icosphere(2, &device), [0.5; 3]);
     // Without light nothing leaves the first surface.
-    let dark = run(&Scene::new().with(ball()), 5);
+    let dark = run(&Scene::new().with_object(ball()), 5);
     assert_eq!(dark.rays, camera_rays);
     // Under a sky rays that miss end: a ball seen from outside is left after one bounce.
-    let sky = Scene::new().with(ball()).environment([1.0; 3]);
+    let sky = Scene::new().with_object(ball()).with_environment([1.0; 3]);
     let found = run(&sky, 5);
     assert!(found.rays < 2 * camera_rays, "{found:?}");
     assert_eq!(found.bounces[0], camera_rays);
     assert!(found.bounces.windows(2).all(|b| b[1] < b[0]), "{found:?}");
     // Surfaces that reflect nothing end a path.
     let black = diffuse(shapes::icosphere(2, &device), [0.0; 3]);
-    let black = run(&Scene::new().with(black).environment([1.0; 3]), 5);
+    let black = run(
+        &Scene::new().with_object(black).with_environment([1.0; 3]),
+        5,
+    );
     assert_eq!(black.rays, camera_rays);
     // A light that shines away from all: no shadow ray.
     let lamp = |up: bool| {
         let x = if up { [0.5, -0.5] } else { [-0.5, 0.5] };
         emitting(facing_front(x, [0.0, 0.5], 1.5, &device), [1.0; 3])
     };
-    let away = run(&Scene::new().with(ball()).with(lamp(false)), 0);
+    let away = run(
+        &Scene::new().with_object(ball()).with_object(lamp(false)),
+        0,
+    );
     assert_eq!(away.rays, camera_rays);
-    let towards = run(&Scene::new().with(ball()).with(lamp(true)), 0);
+    let towards = run(&Scene::new().with_object(ball()).with_object(lamp(true)), 0);
     assert!(towards.rays > camera_rays, "{towards:?}");
 }
 
@@ -192,10 +203,10 @@ fn a_constant_scene_leaves_nothing_behind() {
     let device = Device::flex();
     let scene = under_sky(shapes::icosphere(1, &device));
     let camera = on_axis(4.0);
-    let options = RenderOptions::new(8, 8).samples(2);
+    let options = RenderOptions::new(8, 8).with_samples(2);
     let softmax = SoftmaxOptions::new(1e-3, 1e-3);
-    let of = |softmax| options.clone().visibility(softmax);
-    for options in [options.clone(), of(softmax), of(softmax.brute_force())] {
+    let of = |softmax| options.clone().with_visibility(softmax);
+    for options in [options.clone(), of(softmax), of(softmax.with_brute_force())] {
         let image = render(&scene, &camera, &options).expect("an image");
         assert!(!image.radiance.is_tracked());
     }

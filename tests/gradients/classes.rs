@@ -105,7 +105,7 @@ fn random_scenes_agree(make: fn(u64) -> RandomScene, count: u64, precision: f64,
 fn random_scenes_have_images() {
     for seed in 0..300 {
         let drawn = RandomScene::new(seed);
-        let options = drawn.options.clone().samples(1);
+        let options = drawn.options.clone().with_samples(1);
         let image = render(&drawn.scene, &drawn.camera, &options);
         let image = image.unwrap_or_else(|e| panic!("scene {seed}, {}: {e}", drawn.description));
         let values = values(&image.radiance);
@@ -139,8 +139,10 @@ fn the_same_on_ndarray() {
 fn the_same_by_all_triangles() {
     let flex = Device::flex();
     let setups: [Setup; 2] = [
-        (&flex, |o| with_softmax(o, |softmax| softmax.cutoff(1e-9))),
-        (&flex, |o| with_softmax(o, SoftmaxOptions::brute_force)),
+        (&flex, |o| {
+            with_softmax(o, |softmax| softmax.with_cutoff(1e-9))
+        }),
+        (&flex, |o| with_softmax(o, SoftmaxOptions::with_brute_force)),
     ];
     // Ten times the cutoff; 2e-10 are left.
     assert_agreement(&all_classes(), setups, DType::F64, SOFTMAX, |_| 1e-8);
@@ -153,7 +155,7 @@ fn with_softmax(
     let Visibility::Softmax(softmax) = options.visibility else {
         panic!("{options:?}");
     };
-    options.visibility(change(softmax))
+    options.with_visibility(change(softmax))
 }
 
 /// A floor under a sky and a lamp; the albedo of the floor, times a factor whose gradient is cut to a
@@ -164,14 +166,17 @@ fn sunlit(point: &Point, share: f64) -> softray::Result<(Scene, Camera)> {
     let p = point.get("albedo")?;
     let albedo = p.clone() * share + p.detach() * (1.0 - share);
     let scene = Scene::new()
-        .with(Object::new(quad.cast(point.dtype)).material(Material::diffuse(albedo.expand([3]))))
-        .environment([1.0; 3]);
+        .with_object(
+            Object::new(quad.cast(point.dtype))
+                .with_material(Material::diffuse(albedo.expand([3]))),
+        )
+        .with_environment([1.0; 3]);
     Ok((scene, Camera::look_at([0.0, 2.0, 4.0], [0.0; 3])))
 }
 
 #[test]
 fn gradcheck_tells_right_from_wrong_and_from_unknown() {
-    let options = RenderOptions::new(8, 8).samples(4).bounces(0);
+    let options = RenderOptions::new(8, 8).with_samples(4).with_bounces(0);
     let settings = GradCheck::new(options, &Device::flex());
     let parameters = [Checked::new("albedo", [0.5], 0.05)];
     let verdict = |settings: &GradCheck, share| {
@@ -184,14 +189,14 @@ fn gradcheck_tells_right_from_wrong_and_from_unknown() {
         assert_eq!(verdict(&settings, wrong), Verdict::Disagrees, "{wrong}");
     }
     // Both ways share no noise where the edge of the floor moves: two seeds don't tell them apart.
-    let hasty = settings.clone().precision(1e-6).seeds(2, 2);
+    let hasty = settings.clone().with_precision(1e-6).with_seeds(2, 2);
     let parameters = [Checked::new("shift", [0.1], 0.05)];
     let report = gradcheck(&parameters, &hasty, |point| {
         let quad = floor(2.0, 0.0, &point.device).cast(point.dtype);
         let by = point.get("shift")? * tensor(&[1.0, 0.0, 0.0], [3], &point.device, point.dtype);
-        let scene = Scene::new().with(Object::new(quad.translated(by)));
+        let scene = Scene::new().with_object(Object::new(quad.translated(by)));
         let camera = Camera::look_at([0.0, 2.0, 4.0], [0.0; 3]);
-        Ok((scene.environment([1.0; 3]), camera))
+        Ok((scene.with_environment([1.0; 3]), camera))
     });
     let verdict = report.expect("a report").rows[0].verdict;
     assert_eq!(verdict, Verdict::Undecided);
@@ -213,15 +218,15 @@ fn the_square_of_noise_biases_a_loss() {
         let light = facing_down([-0.5, 0.5], [-0.5, 0.5], 1.5, &device);
         let ground = floor(2.0, 0.0, &device);
         Scene::new()
-            .with(Object::new(light).material(Material::emitter(radiance.expand([3]))))
-            .with(Object::new(ground))
+            .with_object(Object::new(light).with_material(Material::emitter(radiance.expand([3]))))
+            .with_object(Object::new(ground))
     };
-    let camera = Camera::look_at([0.0, 1.0, 3.0], [0.0; 3]).fov_y(40.0);
+    let camera = Camera::look_at([0.0, 1.0, 3.0], [0.0; 3]).with_fov_y(40.0);
     let image = |radiance: Tensor<1>, samples, seed| {
         let options = RenderOptions::new(8, 8)
-            .samples(samples)
-            .bounces(1)
-            .seed(seed);
+            .with_samples(samples)
+            .with_bounces(1)
+            .with_seed(seed);
         let image = render(&lamp(radiance), &camera, &options);
         image.expect("an image").radiance
     };
@@ -262,7 +267,7 @@ fn cornell_box(point: &Point, camera: Camera) -> softray::Result<(Scene, Camera)
         object.mesh = object.mesh.clone().cast(point.dtype);
     }
     let (vertex, translation) = (point.get("vertex")?, point.get("translation")?);
-    let turn = Transform::new().axis_angle([1.0, 0.2, 0.3], point.get("rotation")?);
+    let turn = Transform::new().with_axis_angle([1.0, 0.2, 0.3], point.get("rotation")?);
     let velocity = point.get("velocity")?;
     let constant = |v: &[f64]| Tensor::<1>::from_data(v, (&point.device, point.dtype));
     let texel = point.get("texel")?.reshape([1, 1, 1]);
@@ -278,8 +283,8 @@ fn cornell_box(point: &Point, camera: Camera) -> softray::Result<(Scene, Camera)
     };
     let scene = scene
         .map_object("light", |o| {
-            let o = o.material(Material::emitter(emission.clone()));
-            o.velocity(velocity.clone()).map_mesh(|m| {
+            let o = o.with_material(Material::emitter(emission.clone()));
+            o.with_velocity(velocity.clone()).map_mesh(|m| {
                 let middle = m.vertices.clone().mean_dim(0).reshape([3]);
                 let hung = constant(&[0.0, -0.8, 0.0]);
                 let m = m.translated(middle.clone().neg()).transformed(&turn);
@@ -291,7 +296,7 @@ fn cornell_box(point: &Point, camera: Camera) -> softray::Result<(Scene, Camera)
         })?
         .map_object("back", |o| {
             let diffuse = ColorTexture::texture(texels.clone());
-            o.material(Material::phong(diffuse, gloss.0.clone(), gloss.1.clone()))
+            o.with_material(Material::phong(diffuse, gloss.0.clone(), gloss.1.clone()))
                 .map_mesh(|m| {
                     let flat: Vec<f64> = m
                         .host_vertices()
@@ -303,8 +308,8 @@ fn cornell_box(point: &Point, camera: Camera) -> softray::Result<(Scene, Camera)
                     m.with_uvs(uvs)
                 })
         })?
-        .map_object("left", |o| o.material(Material::diffuse(wall.clone())))?
-        .environment(point.get("environment")?.expand([3]));
+        .map_object("left", |o| o.with_material(Material::diffuse(wall.clone())))?
+        .with_environment(point.get("environment")?.expand([3]));
     Ok((scene, camera))
 }
 
@@ -331,7 +336,10 @@ fn spot(at: [f64; 2], width: f64) -> impl Fn(Tensor<3>) -> Tensor<1> + Send + Sy
 #[test]
 fn the_cornell_box_in_every_class_of_parameter() {
     let long = common::long();
-    let options = RenderOptions::new(12, 12).samples(16).bounces(1).blur(0.05);
+    let options = RenderOptions::new(12, 12)
+        .with_samples(16)
+        .with_bounces(1)
+        .with_blur(0.05);
     let (precision, least, most) = if long {
         (cornell_precision(), 256, 1_000_000)
     } else {
@@ -339,19 +347,19 @@ fn the_cornell_box_in_every_class_of_parameter() {
     };
     let settings = |options: &RenderOptions, at, width| {
         GradCheck::new(options.clone(), &Device::flex())
-            .precision(precision)
-            .tolerance(0.01)
-            .seeds(least, most)
-            .objective(spot(at, width))
+            .with_precision(precision)
+            .with_tolerance(0.01)
+            .with_seeds(least, most)
+            .with_objective(spot(at, width))
     };
     let shift = [0.3, 1.0, -0.4];
     let all = |environment: f64| {
         [
-            Checked::new("vertex", [0.0; 3], 0.03).along(shift),
-            Checked::new("translation", [0.0; 3], 0.02).along(shift),
+            Checked::new("vertex", [0.0; 3], 0.03).with_direction(shift),
+            Checked::new("translation", [0.0; 3], 0.02).with_direction(shift),
             Checked::new("rotation", [0.1], 0.02),
-            Checked::new("velocity", [0.2, 0.0, 0.1], 0.04).along(shift),
-            Checked::new("eye", [3.9, 1.0, 1.0], 0.03).along([-0.2, 1.0, 0.3]),
+            Checked::new("velocity", [0.2, 0.0, 0.1], 0.04).with_direction(shift),
+            Checked::new("eye", [3.9, 1.0, 1.0], 0.03).with_direction([-0.2, 1.0, 0.3]),
             Checked::new("fov", [45.0], 0.5),
             Checked::new("aperture", [0.5], 0.03),
             Checked::new("focus", [2.5], 0.08),
@@ -367,9 +375,9 @@ fn the_cornell_box_in_every_class_of_parameter() {
     let report = |looking: &str, settings: GradCheck, environment: f64| {
         let report = gradcheck(&all(environment), &settings, |point| {
             let camera = Camera::look_at(point.get("eye")?, [2.78, 5.49, 2.8])
-                .fov_y(point.get("fov")?)
-                .thin_lens(point.get("aperture")?, point.get("focus")?);
-            let inside = Camera::look_at([2.78, 2.73, -8.0], [2.78, 2.73, 0.0]).fov_y(39.3);
+                .with_fov_y(point.get("fov")?)
+                .with_thin_lens(point.get("aperture")?, point.get("focus")?);
+            let inside = Camera::look_at([2.78, 2.73, -8.0], [2.78, 2.73, 0.0]).with_fov_y(39.3);
             cornell_box(point, if looking == "up" { camera } else { inside })
         });
         let report = report.expect("a report");
@@ -378,12 +386,12 @@ fn the_cornell_box_in_every_class_of_parameter() {
     };
     let geometry = ["vertex", "translation", "rotation", "velocity"];
     let camera = ["eye", "fov", "aperture", "focus"];
-    let up = settings(&options, [0.55, 0.45], 0.2).only(&[geometry, camera].concat());
+    let up = settings(&options, [0.55, 0.45], 0.2).with_parameters(&[geometry, camera].concat());
     let light = ["albedo", "texel", "emission", "environment"];
-    let inside = settings(&options, [0.5, 0.25], 0.3).only(&light);
+    let inside = settings(&options, [0.5, 0.25], 0.3).with_parameters(&light);
     // Bounced light brings the derivative of a lobe's width much noise, and little else.
-    let direct = options.clone().bounces(0);
-    let gloss = settings(&direct, [0.5, 0.33], 0.08).only(&["specular", "shininess"]);
+    let direct = options.clone().with_bounces(0);
+    let gloss = settings(&direct, [0.5, 0.33], 0.08).with_parameters(&["specular", "shininess"]);
     let rows = [
         report("up", up, 0.2),
         report("in", inside, 0.2),

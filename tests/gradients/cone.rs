@@ -21,13 +21,13 @@ fn jumps_of_every_kind() {
     let long = common::long();
     let report = |with: &str, angle: f64, place: Checked, precision, seeds: [u64; 2]| {
         let options = RenderOptions::new(16, 16)
-            .samples(64)
-            .bounces(1)
-            .blur(angle);
+            .with_samples(64)
+            .with_bounces(1)
+            .with_blur(angle);
         let settings = GradCheck::new(options, &Device::flex())
-            .precision(precision)
-            .tolerance(0.01)
-            .seeds(seeds[0], seeds[1]);
+            .with_precision(precision)
+            .with_tolerance(0.01)
+            .with_seeds(seeds[0], seeds[1]);
         let report = gradcheck(&[place], &settings, |point| scene(with, point));
         let report = report.expect("a report");
         println!("{with}, {angle}\n{report}");
@@ -40,7 +40,7 @@ fn jumps_of_every_kind() {
     for jump in SCENES {
         let with = jump.scene;
         if let Some(direction) = jump.direction {
-            let along = place().along(direction);
+            let along = place().with_direction(direction);
             let rows = report(with, jump.angle, along, precision, [128, most]);
             if rows[0].verdict != Verdict::Agrees {
                 failures.push(format!("{with}: {:?}", rows[0].verdict));
@@ -102,7 +102,7 @@ fn derivatives_of_the_references() {
                                 }
                             }
                             let center = Tensor::<1>::from_data(center.as_slice(), &device);
-                            let turn = Transform::new().axis_angle([0.0, 1.0, 0.0], x.clone());
+                            let turn = Transform::new().with_axis_angle([0.0, 1.0, 0.0], x.clone());
                             m.translated(center.clone().neg())
                                 .transformed(&turn)
                                 .translated(center)
@@ -111,9 +111,9 @@ fn derivatives_of_the_references() {
                 })
                 .expect("the object");
             let options = RenderOptions::new(SIZE, SIZE)
-                .samples(256)
-                .bounces(bounces)
-                .seed(seed);
+                .with_samples(256)
+                .with_bounces(bounces)
+                .with_seed(seed);
             let image = render(&moved, &scene.camera, &options).expect("an image");
             let gradients = (image.radiance * weights.clone()).sum().backward();
             found.push(gradient(&x, &gradients)[0] / exact);
@@ -150,15 +150,15 @@ fn any_tessellation() {
             let floor = floor(3.0, 0.0, &device);
             let lamp = facing_down([-1.0, 0.0], [-1.0, 0.0], 4.0, &device);
             let scene = Scene::new()
-                .with(Object::new(ball.clone().scaled(size).translated(offset)))
-                .with(Object::new(floor))
-                .with(emitting(lamp, [20.0; 3]))
-                .environment([0.2; 3]);
-            let camera = Camera::look_at([1.0, 2.5, 4.5], [0.0, 0.5, 0.0]).fov_y(45.0);
+                .with_object(Object::new(ball.clone().scaled(size).translated(offset)))
+                .with_object(Object::new(floor))
+                .with_object(emitting(lamp, [20.0; 3]))
+                .with_environment([0.2; 3]);
+            let camera = Camera::look_at([1.0, 2.5, 4.5], [0.0, 0.5, 0.0]).with_fov_y(45.0);
             let options = RenderOptions::new(48, 48)
-                .samples(samples)
-                .bounces(1)
-                .seed(seed);
+                .with_samples(samples)
+                .with_bounces(1)
+                .with_seed(seed);
             let image = render(&scene, &camera, &options).expect("an image");
             // The left half counts less.
             let ramp: Vec<f32> = (0..48).map(|i| 1.0 + i as f32 / 16.0).collect();
@@ -201,14 +201,14 @@ fn closed_meshes_are_closed() {
             let offset = Tensor::<1>::from_floats([place, -place, place], &device);
             let ball = shapes::icosphere(level, &device).translated(offset);
             let scene = Scene::new()
-                .with(Object::new(ball).material(Material::diffuse([0.5; 3])))
-                .environment([1.0; 3]);
+                .with_object(Object::new(ball).with_material(Material::diffuse([0.5; 3])))
+                .with_environment([1.0; 3]);
             let eye = [place + 0.1, 0.2 - place, place];
-            let camera = Camera::look_at(eye, [place, 0.1 - place, place - 1.0]).fov_y(120.0);
+            let camera = Camera::look_at(eye, [place, 0.1 - place, place - 1.0]).with_fov_y(120.0);
             let options = RenderOptions::new(48, 48)
-                .samples(32)
-                .bounces(3)
-                .blur(0.05)
+                .with_samples(32)
+                .with_bounces(3)
+                .with_blur(0.05)
                 .with_opacity();
             let image = render(&scene, &camera, &options).expect("an image");
             let opacity = values(&image.opacity.expect("opacity"));
@@ -225,10 +225,10 @@ fn closed_meshes_are_closed() {
 #[test]
 fn what_is_far_does_not_change_what_is_near() {
     let device = Device::flex();
-    let camera = on_axis(4.0).fov_y(40.0);
+    let camera = on_axis(4.0).with_fov_y(40.0);
     let options = RenderOptions::new(24, 24)
-        .samples(16)
-        .bounces(2)
+        .with_samples(16)
+        .with_bounces(2)
         .with_opacity();
     let near = under_sky(shapes::icosphere(3, &device));
     let sums = |scene: &Scene| {
@@ -245,7 +245,7 @@ fn what_is_far_does_not_change_what_is_near() {
             [0.0, 1.0, distance],
             &device,
         );
-        let found = sums(&near.clone().with(Object::new(far)));
+        let found = sums(&near.clone().with_object(Object::new(far)));
         for (a, b) in found.iter().zip(&expected) {
             assert!((a / b - 1.0).abs() < 1e-3, "{distance}: {a} and {b}");
         }
@@ -261,14 +261,14 @@ fn planes_of_any_size() {
     for map in [false, true] {
         let seen = |size: f64| {
             let plane = floor(size, -1.0, &device);
-            let scene = under_sky(shapes::icosphere(3, &device)).with(Object::new(plane));
+            let scene = under_sky(shapes::icosphere(3, &device)).with_object(Object::new(plane));
             let scene = match map {
-                true => scene.environment(Environment::map(white.clone())),
+                true => scene.with_environment(Environment::map(white.clone())),
                 false => scene,
             };
             let eye = leaf(&[0.0, 0.5, 4.0], &device);
-            let camera = Camera::look_at(eye.clone(), [0.0; 3]).fov_y(40.0);
-            let options = RenderOptions::new(24, 24).samples(16).bounces(2);
+            let camera = Camera::look_at(eye.clone(), [0.0; 3]).with_fov_y(40.0);
+            let options = RenderOptions::new(24, 24).with_samples(16).with_bounces(2);
             let image = render(&scene, &camera, &options).expect("an image");
             let gradients = image.radiance.clone().sum().backward();
             let gradient = gradient(&eye, &gradients);

@@ -16,7 +16,7 @@ use softray::prelude::*;
 #[test]
 fn gradients_of_every_class() {
     let flex = Device::flex();
-    let setups: [Setup; 2] = [(&flex, |o| o), (&flex, |o| o.engine(Engine::Tensors))];
+    let setups: [Setup; 2] = [(&flex, |o| o), (&flex, |o| o.with_engine(Engine::Tensors))];
     for visibility in [SHARP, CONES.visibility] {
         let samples = 16;
         let effort = Effort {
@@ -35,7 +35,7 @@ fn gradients_of_facets_and_of_emissive_textures() {
         .flatten()
         .collect();
     let flex = Device::flex();
-    let setups: [Setup; 2] = [(&flex, |o| o), (&flex, |o| o.engine(Engine::Tensors))];
+    let setups: [Setup; 2] = [(&flex, |o| o), (&flex, |o| o.with_engine(Engine::Tensors))];
     for visibility in [SHARP, CONES.visibility] {
         let effort = Effort {
             visibility,
@@ -49,7 +49,7 @@ fn gradients_of_facets_and_of_emissive_textures() {
 #[test]
 fn values_outside_of_their_ranges_have_no_gradient() {
     let flex = Device::flex();
-    let engines: [Setup; 2] = [(&flex, |o| o), (&flex, |o| o.engine(Engine::Tensors))];
+    let engines: [Setup; 2] = [(&flex, |o| o), (&flex, |o| o.with_engine(Engine::Tensors))];
     for case in clamped_cases() {
         let found = engines.map(|at| of_seed(&case, at, DType::F64, CONES, 5));
         println!("{}: {found:?}", case.name);
@@ -82,19 +82,23 @@ fn everything(device: &Device, sky: bool) -> (Scene, Camera, Vec<Tensor<1>>) {
     let shiny = Material::phong([0.3, 0.3, 0.2], gloss.clone(), exponent.clone());
     let texture = ColorTexture::texture(texels.clone().reshape([2, 2, 3]));
     let mut scene = Scene::new()
-        .with(Object::new(floor).material(Material::diffuse(texture)))
-        .with(Object::new(lamp).material(Material::emitter(emission.clone())))
-        .with(Object::new(ball).material(shiny).velocity(velocity.clone()));
+        .with_object(Object::new(floor).with_material(Material::diffuse(texture)))
+        .with_object(Object::new(lamp).with_material(Material::emitter(emission.clone())))
+        .with_object(
+            Object::new(ball)
+                .with_material(shiny)
+                .with_velocity(velocity.clone()),
+        );
     scene = if sky {
         let base: Vec<f64> = (0..8 * 4 * 3).map(|i| 0.2 + 0.1 * (i % 7) as f64).collect();
         let base = Tensor::<1>::from_data(base.as_slice(), device) * light.clone();
-        scene.environment(Environment::map(base.reshape([4, 8, 3])))
+        scene.with_environment(Environment::map(base.reshape([4, 8, 3])))
     } else {
-        scene.environment(light.clone().expand([3]) * 0.4)
+        scene.with_environment(light.clone().expand([3]) * 0.4)
     };
     let camera = Camera::look_at(eye.clone(), [0.0, 0.9, 0.0])
-        .fov_y(38.0)
-        .thin_lens(lens.clone(), 4.0);
+        .with_fov_y(38.0)
+        .with_thin_lens(lens.clone(), 4.0);
     let all = vec![
         place, texels, tilt, gloss, exponent, velocity, emission, eye, lens, light,
     ];
@@ -107,12 +111,12 @@ fn outcome(engine: Engine, sky: bool, form: Visibility) -> (Vec<Vec<f64>>, Vec<V
     let device = Device::flex();
     let (scene, camera, parameters) = everything(&device, sky);
     let options = RenderOptions::new(32, 24)
-        .samples(16)
-        .bounces(2)
-        .russian_roulette(1)
-        .visibility(form)
-        .engine(engine)
-        .seed(7)
+        .with_samples(16)
+        .with_bounces(2)
+        .with_russian_roulette(1)
+        .with_visibility(form)
+        .with_engine(engine)
+        .with_seed(7)
         .with_opacity()
         .with_depth()
         .with_normals()
@@ -167,7 +171,7 @@ fn the_softmax_is_not_for_kernels() {
     let device = Device::flex();
     let (scene, camera, _) = everything(&device, false);
     let options = RenderOptions::new(4, 4)
-        .visibility(Visibility::softmax(1e-3, 1e-3))
-        .engine(Engine::Kernels);
+        .with_visibility(Visibility::softmax(1e-3, 1e-3))
+        .with_engine(Engine::Kernels);
     says(message(render(&scene, &camera, &options)), ["engine"]);
 }

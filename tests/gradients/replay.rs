@@ -19,7 +19,7 @@ fn of_a_loss(options: &RenderOptions) -> (f64, Vec<f64>) {
     let scene = file
         .scene
         .map_object("short", |o| {
-            let turn = Transform::new().axis_angle([0.0, 1.0, 0.0], angle.clone().sin() * 0.5);
+            let turn = Transform::new().with_axis_angle([0.0, 1.0, 0.0], angle.clone().sin() * 0.5);
             o.map_mesh(|m| m.transformed(&turn))
         })
         .expect("the object");
@@ -41,13 +41,13 @@ fn any_loss_and_any_threads() {
     for form in forms() {
         // So many paths that those of an eighth of the pixels say how many samples edges are given.
         let options = RenderOptions::new(24, 24)
-            .samples(16)
-            .bounces(1)
-            .visibility(form)
+            .with_samples(16)
+            .with_bounces(1)
+            .with_visibility(form)
             .with_opacity()
             .with_depth();
         let on = |threads: usize, rays: usize| {
-            let options = options.clone().rays_per_tile(rays);
+            let options = options.clone().with_rays_per_tile(rays);
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             pool.expect("threads").install(|| of_a_loss(&options))
         };
@@ -65,7 +65,10 @@ fn any_loss_and_any_threads() {
 fn pixels_are_those_of_the_image() {
     let device = Device::flex();
     let file = scene_file("cornell", &device);
-    let options = RenderOptions::new(20, 16).samples(5).bounces(2).seed(3);
+    let options = RenderOptions::new(20, 16)
+        .with_samples(5)
+        .with_bounces(2)
+        .with_seed(3);
     let whole = radiance(&file.scene, &file.camera, &options);
     let pixels: Vec<u32> = (0..97).map(|i| (i * 37) % 320).collect();
     let part = render_pixels(&file.scene, &file.camera, &options, &pixels).expect("pixels");
@@ -87,7 +90,7 @@ fn pixels_may_be_named_twice() {
     let by = |pixels: &[u32], weights: &[f64]| {
         let file = scene_file("shadow", &device);
         let scene = with_leaves(file.scene);
-        let options = RenderOptions::new(12, 12).samples(8).seed(3);
+        let options = RenderOptions::new(12, 12).with_samples(8).with_seed(3);
         let image = render_pixels(&scene, &file.camera, &options, pixels).expect("pixels");
         assert_eq!(image.radiance.dims(), [1, pixels.len(), 3]);
         let weights = tensor(weights, [1, pixels.len(), 1], &device, DType::F32);
@@ -126,9 +129,9 @@ fn memory_is_that_of_a_tile() {
         let file = scene_file("cornell", &device);
         let scene = with_leaves(file.scene);
         let options = RenderOptions::new(64, 64)
-            .samples(numbers[0])
-            .bounces(numbers[1])
-            .visibility(forms()[numbers[2] as usize]);
+            .with_samples(numbers[0])
+            .with_bounces(numbers[1])
+            .with_visibility(forms()[numbers[2] as usize]);
         let image = render(&scene, &file.camera, &options).expect("an image");
         image.radiance.powf_scalar(2.0).mean().backward();
         println!("peak {}", peak());
@@ -171,10 +174,10 @@ fn of_steps(options: &RenderOptions, steps: std::ops::Range<i32>) -> Vec<Vec<f64
     let gradient_of = |step: i32| {
         let vertices = at(step).autodiff().require_grad();
         let scene = Scene::new()
-            .with(Object::new(ball.clone().with_vertices(vertices.clone())))
-            .with(diffuse(floor(3.0, -0.4, &device), [0.3, 0.6, 0.2]))
-            .environment([0.6, 0.8, 1.0]);
-        let camera = Camera::look_at([0.0, 2.0, 4.0], [0.0; 3]).fov_y(40.0);
+            .with_object(Object::new(ball.clone().with_vertices(vertices.clone())))
+            .with_object(diffuse(floor(3.0, -0.4, &device), [0.3, 0.6, 0.2]))
+            .with_environment([0.6, 0.8, 1.0]);
+        let camera = Camera::look_at([0.0, 2.0, 4.0], [0.0; 3]).with_fov_y(40.0);
         let image = render(&scene, &camera, options).expect("an image");
         let gradients = image.radiance.powf_scalar(2.0).sum().backward();
         gradient(&vertices, &gradients)
@@ -185,13 +188,18 @@ fn of_steps(options: &RenderOptions, steps: std::ops::Range<i32>) -> Vec<Vec<f64
 /// What is kept from step to step repeats to the bit, serves where edges are the same, and not where they aren't.
 #[test]
 fn kept_edges_serve_the_next_step() {
-    let options = RenderOptions::new(24, 24).samples(64).bounces(1);
-    let cached = || of_steps(&options.clone().cache(&HierarchyCache::default()), 0..6);
+    let options = RenderOptions::new(24, 24).with_samples(64).with_bounces(1);
+    let cached = || {
+        of_steps(
+            &options.clone().with_cache(&HierarchyCache::default()),
+            0..6,
+        )
+    };
     let (kept, alone) = (cached(), of_steps(&options, 0..6));
     assert_eq!(kept, cached());
     // The first finds nothing.
     assert_eq!(kept[0], alone[0]);
-    let other_seed = of_steps(&options.clone().seed(1), 0..6);
+    let other_seed = of_steps(&options.clone().with_seed(1), 0..6);
     for (step, (kept, alone)) in kept.iter().zip(&alone).enumerate() {
         // All that differs is which edges are drawn.
         let (far, noise) = (apart(kept, alone), apart(&other_seed[step], alone));

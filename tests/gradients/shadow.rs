@@ -17,9 +17,9 @@ fn agrees_with_unblurred_differences(visibility: Visibility) {
         HostImage::read(common::reference("shadow/gradient-occluder-x.exr")).expect("a reference");
     let samples = if common::long() { 1024 } else { 64 };
     let options = RenderOptions::new(file.width, file.height)
-        .samples(samples)
-        .bounces(0)
-        .visibility(visibility);
+        .with_samples(samples)
+        .with_bounces(0)
+        .with_visibility(visibility);
     let derivative = |pixel: u32| {
         let offset = Tensor::<1>::zeros([3], &device).autodiff().require_grad();
         let scene = file

@@ -17,19 +17,19 @@ fn in_a_mirror(adaptive: bool, seeds: u64) -> Vec<f64> {
         .scaled(0.8)
         .translated([-0.2, 0.3, 4.6]);
     let lamp = facing_down([-0.7, 0.7], [2.3, 3.7], 4.0, &device);
-    let camera = Camera::look_at([0.0, 0.0, 2.6], [0.0; 3]).fov_y(55.0);
+    let camera = Camera::look_at([0.0, 0.0, 2.6], [0.0; 3]).with_fov_y(55.0);
     let of_seed = |seed| {
         let options = RenderOptions::new(32, 32)
-            .samples(16)
-            .bounces(1)
-            .adaptive_edges(adaptive)
-            .seed(seed);
+            .with_samples(16)
+            .with_bounces(1)
+            .with_adaptive_edges(adaptive)
+            .with_seed(seed);
         let offset = leaf(&[0.0; 3], &device);
         let ball = diffuse(ball.clone().translated(offset.clone()), [0.8, 0.5, 0.2]);
         let scene = Scene::new()
-            .with(Object::new(wall.clone()).material(mirror.clone()))
-            .with(ball)
-            .with(emitting(lamp.clone(), [20.0, 18.0, 15.0]));
+            .with_object(Object::new(wall.clone()).with_material(mirror.clone()))
+            .with_object(ball)
+            .with_object(emitting(lamp.clone(), [20.0, 18.0, 15.0]));
         let image = render(&scene, &camera, &options).expect("an image");
         // Its left half, so that the derivative is not the small one of an image that shifts as a whole.
         let left = image.radiance.slice([0..32, 0..16]).sum();
@@ -48,9 +48,9 @@ fn losses_of_few_pixels_take_the_usual_numbers() {
         let moved = |o: Object| o.map_mesh(|m| m.translated(offset.clone()));
         let room = room.clone().map_object("tall", moved).expect("a block");
         let options = RenderOptions::new(16, 16)
-            .samples(8192)
-            .bounces(0)
-            .adaptive_edges(adaptive);
+            .with_samples(8192)
+            .with_bounces(0)
+            .with_adaptive_edges(adaptive);
         let image = render_pixels(&room, &camera, &options, &[102, 103]).expect("pixels");
         gradient(&offset, &image.radiance.sum().backward())
     };

@@ -42,29 +42,29 @@ fn room() -> Scene {
     let dark = Tensor::<1>::from_floats([0.1, 0.2, 0.3], &device);
     let striped = Material::phong(dark, ColorTexture::texture(stripes), 7.5);
     let turn = Transform::new()
-        .scale(Tensor::from_floats([0.6, 0.9, 0.6], &device))
-        .axis_angle([1.0, 0.4, 0.0], Tensor::from_floats([0.7], &device))
-        .translation(Tensor::from_floats([-0.6, 0.8, 0.1], &device));
+        .with_scale(Tensor::from_floats([0.6, 0.9, 0.6], &device))
+        .with_axis_angle([1.0, 0.4, 0.0], Tensor::from_floats([0.7], &device))
+        .with_translation(Tensor::from_floats([-0.6, 0.8, 0.1], &device));
     let ball = shapes::icosphere(1, &device);
     let ball = ball.clone().with_normals(ball.vertices.clone());
     let back = facing_front([-2.0, 2.0], [0.0, 3.0], -2.0, &device);
-    let mut back = Object::new(back.with_uvs(uvs())).named("ball ");
+    let mut back = Object::new(back.with_uvs(uvs())).with_name("ball ");
     back.materials = vec![striped, Material::diffuse([0.7, 0.1 + 0.2, 1.0 / 3.0])].into();
     back.face_materials = Arc::new(vec![1, 0]);
     let lamp = lamp(0.8, 2.9, [9.0, 8.0, 7.0], &device);
     Scene::new()
-        .with(
+        .with_object(
             floor
-                .named("the floor\\")
-                .material(checkered.named("Wood #1")),
+                .with_name("the floor\\")
+                .with_material(checkered.with_name("Wood #1")),
         )
-        .with(
+        .with_object(
             Object::new(ball.transformed(&turn))
-                .named("ball")
-                .material(Material::phong([0.2, 0.3, 0.4], [0.3, 0.3, 0.25], 30.0)),
+                .with_name("ball")
+                .with_material(Material::phong([0.2, 0.3, 0.4], [0.3, 0.3, 0.25], 30.0)),
         )
-        .with(back)
-        .with(lamp.named("\n"))
+        .with_object(back)
+        .with_object(lamp.with_name("\n"))
 }
 
 #[test]
@@ -94,7 +94,7 @@ fn a_scene_reads_back_to_the_same_image() {
             ..
         }
     ));
-    let options = RenderOptions::new(24, 24).samples(4).bounces(2);
+    let options = RenderOptions::new(24, 24).with_samples(4).with_bounces(2);
     let image = |scene: &Scene| radiance(scene, &camera(), &options);
     let (before, after) = (image(&scene), image(&read));
     assert!(mean(&before) > 0.05, "{}", mean(&before));
@@ -123,23 +123,23 @@ fn what_is_lost_is_told() {
         texels: texels([1, 2, 3], |i| i as f32 / 9.0),
         wrap: Wrap::Mirror,
     };
-    let cube = |name: &str| Object::new(shapes::cube(&device)).named(name);
+    let cube = |name: &str| Object::new(shapes::cube(&device)).with_name(name);
     let tiled = |mesh: Mesh| {
         let uvs = mesh.vertices.clone().narrow(1, 0, 2);
         mesh.with_uvs(uvs)
     };
     let nothing = Mesh::from_host(&[[0.0; 3]], Vec::new(), &device);
     let scene = Scene::new()
-        .with(cube("lost_still").material(Material::diffuse(wandered)))
-        .with(cube("lost_moving").velocity([0.5, 0.0, 0.0]))
-        .with(
+        .with_object(cube("lost_still").with_material(Material::diffuse(wandered)))
+        .with_object(cube("lost_moving").with_velocity([0.5, 0.0, 0.0]))
+        .with_object(
             cube("lost_tiled")
                 .map_mesh(tiled)
-                .material(Material::diffuse(mirrored)),
+                .with_material(Material::diffuse(mirrored)),
         )
-        .with(cube("lost_moving").velocity([0.0; 3]))
-        .with(Object::new(nothing).named("lost_empty"))
-        .environment([0.2; 3]);
+        .with_object(cube("lost_moving").with_velocity([0.0; 3]))
+        .with_object(Object::new(nothing).with_name("lost_empty"))
+        .with_environment([0.2; 3]);
     let path = folder.path("losses.obj");
     let warnings = warnings(|| scene.write(&path).expect("files"));
     let told = |word: &str, of: &str| {

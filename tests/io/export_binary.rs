@@ -52,17 +52,25 @@ fn room() -> Scene {
             .translated([0.8, 0.4, 0.2]),
     );
     let back = facing_front([-2.0, 2.0], [0.0, 3.0], -2.0, &device);
-    let mut back = Object::new(back.with_uvs(uvs())).named("back \"\n");
+    let mut back = Object::new(back.with_uvs(uvs())).with_name("back \"\n");
     back.materials = vec![glossy, Material::diffuse([0.7, 0.1 + 0.2, 1.0 / 3.0])].into();
     back.face_materials = Arc::new(vec![1, 0]);
     let checks = textured(texels([4, 4, 3], bytes), Wrap::Clamp);
     let shiny = Material::phong([0.2, 0.3, 0.4], [0.3, 0.3, 0.25], 30.0);
     Scene::new()
-        .with(floor.named("floor").material(checks.named("checks")))
-        .with(Object::new(ball).named("ball").material(shiny.clone()))
-        .with(Object::new(cube).named("cube").material(shiny))
-        .with(back)
-        .with(lamp(0.8, 2.9, [9.1, 8.3, 0.7], &device).named("lamp"))
+        .with_object(
+            floor
+                .with_name("floor")
+                .with_material(checks.with_name("checks")),
+        )
+        .with_object(
+            Object::new(ball)
+                .with_name("ball")
+                .with_material(shiny.clone()),
+        )
+        .with_object(Object::new(cube).with_name("cube").with_material(shiny))
+        .with_object(back)
+        .with_object(lamp(0.8, 2.9, [9.1, 8.3, 0.7], &device).with_name("lamp"))
 }
 
 #[test]
@@ -116,9 +124,9 @@ fn a_scene_reads_back_from_ply_to_the_same_image() {
             .translated([0.9, 0.6, 0.8]),
     );
     let scene = Scene::new()
-        .with(Object::new(ball))
-        .with(Object::new(cube).named("cube"))
-        .environment([1.0, 0.5, 0.25]);
+        .with_object(Object::new(ball))
+        .with_object(Object::new(cube).with_name("cube"))
+        .with_environment([1.0, 0.5, 0.25]);
     let path = folder.path("two.ply");
     let told = warnings(|| scene.write(&path).expect("a file"));
     assert!(
@@ -127,7 +135,7 @@ fn a_scene_reads_back_from_ply_to_the_same_image() {
     );
     let read = Scene::load(&path, &device).expect("a scene");
     assert_eq!(read.objects.len(), 1);
-    let read = read.environment([1.0, 0.5, 0.25]);
+    let read = read.with_environment([1.0, 0.5, 0.25]);
     let most = largest(image(&scene).iter().zip(&image(&read)).map(|(a, b)| a - b));
     assert!(most < 1e-5, "{most}");
 }
@@ -178,19 +186,19 @@ fn what_is_lost_is_told() {
     let folder = Folder::new("binary-losses");
     let device = Device::flex();
     let wandered = Tensor::<1>::from_floats([-0.01, 0.5, 1.2], &device);
-    let cube = |name: &str| Object::new(shapes::cube(&device)).named(name);
+    let cube = |name: &str| Object::new(shapes::cube(&device)).with_name(name);
     let bright = texels([1, 2, 3], |i| i as f32 / 2.0);
     let tiled = |mesh: Mesh| mesh.clone().with_uvs(mesh.vertices.narrow(1, 0, 2));
     let nothing = Mesh::from_host(&[[0.0; 3]], Vec::new(), &device);
     let scene = Scene::new()
-        .with(cube("still").material(Material::diffuse(wandered)))
-        .with(cube("moving").velocity([0.5, 0.0, 0.0]))
-        .with(
+        .with_object(cube("still").with_material(Material::diffuse(wandered)))
+        .with_object(cube("moving").with_velocity([0.5, 0.0, 0.0]))
+        .with_object(
             cube("bright")
                 .map_mesh(tiled)
-                .material(Material::diffuse(ColorTexture::texture(bright))),
+                .with_material(Material::diffuse(ColorTexture::texture(bright))),
         )
-        .with(Object::new(nothing).named("empty"));
+        .with_object(Object::new(nothing).with_name("empty"));
     let told = warnings(|| scene.write(folder.path("a.glb")).expect("a file"));
     for (part, of) in [
         ("no faces", "empty"),

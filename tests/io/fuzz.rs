@@ -31,7 +31,7 @@ fn seen(scene: &Scene) -> Result<(), String> {
         return Ok(());
     }
     let camera = Camera::look_at([0.1, 0.2, 3.0], [0.0; 3]);
-    let options = RenderOptions::new(2, 2).samples(1).bounces(1);
+    let options = RenderOptions::new(2, 2).with_samples(1).with_bounces(1);
     let image = render(scene, &camera, &options).map_err(|e| e.to_string())?;
     assert_eq!(image.radiance.dims(), [2, 2, 3]);
     Ok(())
@@ -171,7 +171,7 @@ fn any_bytes_are_an_image_or_an_error() {
     }
     use image::ImageFormat::{Hdr, Jpeg, OpenExr, Png};
     let folder = Folder::new("pictures");
-    let limits = LoadLimits::default().pixels(1 << 20);
+    let limits = LoadLimits::default().with_pixels(1 << 20);
     for (format, ending) in [(Png, "png"), (Jpeg, "jpg"), (Hdr, "hdr"), (OpenExr, "exr")] {
         let path = folder.0.join(format!("a.{ending}"));
         fuzz(ending, time(2), damaged(picture(format)), |bytes| {
@@ -202,7 +202,7 @@ fn any_bytes_are_a_scene_file_or_an_error() {
     fuzz("json", time(2), damaged(good), |bytes| {
         std::fs::write(&path, bytes).expect("a file");
         let file = SceneFile::load(&path, &Device::flex()).map_err(|e| e.to_string())?;
-        let options = RenderOptions::new(2, 2).samples(1).bounces(0);
+        let options = RenderOptions::new(2, 2).with_samples(1).with_bounces(0);
         let image = render(&file.scene, &file.camera, &options);
         image.map_err(|e| e.to_string()).map(|_| ())
     });
@@ -285,7 +285,9 @@ fn any_bytes_are_gltf_or_an_error() {
     let folder = Folder::new("gltf-fuzz");
     let path = folder.0.join("a.glb");
     // Whole numbers of instances: not the renderer is tested.
-    let limits = LoadLimits::default().pixels(1 << 20).triangles(1 << 16);
+    let limits = LoadLimits::default()
+        .with_pixels(1 << 20)
+        .with_triangles(1 << 16);
     let strategy = prop_oneof![
         changed().prop_map(|file| file.glb()),
         damaged(gltf().glb()),
@@ -334,7 +336,7 @@ fn claims_of_size_are_not_believed() {
     let folder = Folder::new("claims");
     let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n";
     // Without strictness some of it is a warning.
-    let limits = LoadLimits::default().strict(true);
+    let limits = LoadLimits::default().with_strict(true);
     let message = |obj: &str, mtl: &[u8]| {
         folder.write("a.mtl", mtl);
         let path = folder.write("a.obj", obj);

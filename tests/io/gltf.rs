@@ -349,8 +349,8 @@ fn cameras() {
     };
     assert_eq!(height.values().expect("a number"), [3.0]);
     // The square is seen in the middle of the image.
-    let options = RenderOptions::new(8, 8).samples(4).bounces(0);
-    let scene = found.scene.environment([1.0; 3]);
+    let options = RenderOptions::new(8, 8).with_samples(4).with_bounces(0);
+    let scene = found.scene.with_environment([1.0; 3]);
     let image = render(&scene, &found.camera, &options).expect("an image");
     let rows = HostImage::from_tensor(&image.radiance).expect("values");
     let at = |x: usize, y: usize| rows.pixels[3 * (8 * y + x)];

@@ -58,9 +58,9 @@ fn normal_maps_and_masks() {
     assert_eq!((mask.wrap, mask.cutoff), (Wrap::Clamp, 0.25));
     near(&values(&mask.alpha), &[0.5, 0.1]);
     // Half of the square is there.
-    let camera = Camera::look_at([0.5, 0.5, 2.0], [0.5, 0.5, 0.0]).fov_y(20.0);
-    let options = RenderOptions::new(8, 8).samples(1).bounces(0);
-    let behind = scene.clone().environment([9.0, 0.0, 0.0]);
+    let camera = Camera::look_at([0.5, 0.5, 2.0], [0.5, 0.5, 0.0]).with_fov_y(20.0);
+    let options = RenderOptions::new(8, 8).with_samples(1).with_bounces(0);
+    let behind = scene.clone().with_environment([9.0, 0.0, 0.0]);
     let seen = radiance(&behind, &camera, &options);
     let sees_through: Vec<bool> = (0..8).map(|x| seen[3 * (8 * 4 + x)] == 9.0).collect();
     assert!(!sees_through[..3].contains(&true), "{seen:?}");
@@ -93,8 +93,8 @@ fn details_without_coordinates_are_left_out() {
         panic!("a texture");
     };
     near(&metal.values().expect("a number"), &[0.5]);
-    let options = RenderOptions::new(4, 4).samples(1).bounces(1);
-    let seen = radiance(&scene.environment([1.0; 3]), &camera(), &options);
+    let options = RenderOptions::new(4, 4).with_samples(1).with_bounces(1);
+    let seen = radiance(&scene.with_environment([1.0; 3]), &camera(), &options);
     assert!(seen.iter().all(|v| v.is_finite()));
 }
 
@@ -136,7 +136,7 @@ fn room() -> Scene {
             (i * 5 % 7) as f32 / 4.0 - 0.7
         }
     });
-    let ripples = Material::diffuse([0.6, 0.7, 0.8]).normal_map(tilts, 0.8);
+    let ripples = Material::diffuse([0.6, 0.7, 0.8]).with_normal_map(tilts, 0.8);
     let holes = texels([4, 4], |i| {
         if (i / 4 + i).is_multiple_of(2) {
             3.0
@@ -144,9 +144,9 @@ fn room() -> Scene {
             -1.0
         }
     });
-    let checks = Material::diffuse([0.9, 0.3, 0.2]).alpha_mask(holes.clone(), 0.7);
+    let checks = Material::diffuse([0.9, 0.3, 0.2]).with_alpha_mask(holes.clone(), 0.7);
     let leaf = ColorTexture::texture(texels([4, 4, 3], |i| (i % 10) as f32 / 12.0));
-    let leaf = Material::metallic_roughness(leaf, 0.5, 0.4).alpha_mask(holes, 0.2);
+    let leaf = Material::metallic_roughness(leaf, 0.5, 0.4).with_alpha_mask(holes, 0.2);
     let floor = floor(2.0, 0.0, &device).with_uvs(uvs());
     let back = facing_front([-2.0, 2.0], [0.0, 3.0], -2.0, &device).with_uvs(uvs());
     let sides = Tensor::from_floats([[0.6, 0.8, 0.0, -1.0], [1.0, 0.0, 0.0, 1.0]], &device);
@@ -158,21 +158,23 @@ fn room() -> Scene {
     let screen =
         |x: f64, z: f64| facing_front([x - 0.5, x + 0.5], [0.3, 1.3], z, &device).with_uvs(uvs());
     let put = |name: &str, mesh: Mesh, material: Material| {
-        Object::new(mesh).named(name).material(material.named(name))
+        Object::new(mesh)
+            .with_name(name)
+            .with_material(material.with_name(name))
     };
     Scene::new()
-        .with(put("floor", floor, ripples.clone()))
-        .with(put("back", back, ripples))
-        .with(put("checks", screen(-0.8, 0.3), checks))
-        .with(put("leaf", screen(0.8, 0.1), leaf))
-        .with(put(
+        .with_object(put("floor", floor, ripples.clone()))
+        .with_object(put("back", back, ripples))
+        .with_object(put("checks", screen(-0.8, 0.3), checks))
+        .with_object(put("leaf", screen(0.8, 0.1), leaf))
+        .with_object(put(
             "tinted",
             screen(0.0, -0.9).with_colors(tinted, faces),
             Material::diffuse([0.6, 0.7, 0.5]),
         ))
-        .with(lamp(0.8, 2.9, [9.0, 8.0, 7.0], &device).named("lamp"))
-        .environment([0.0; 3])
-        .light(Light::point([0.5, 1.5, 3.0], [4.0; 3]))
+        .with_object(lamp(0.8, 2.9, [9.0, 8.0, 7.0], &device).with_name("lamp"))
+        .with_environment([0.0; 3])
+        .with_light(Light::point([0.5, 1.5, 3.0], [4.0; 3]))
 }
 
 #[test]
@@ -326,12 +328,16 @@ fn black_textures_are_no_light() {
         let emission = Material::emitter(ColorTexture::texture(texels));
         let uvs = Tensor::zeros([8, 2], &device);
         let cube = shapes::cube(&device).with_uvs(uvs);
-        Scene::new().with(Object::new(cube).material(emission))
+        Scene::new().with_object(Object::new(cube).with_material(emission))
     };
     let black = Tensor::<3>::zeros([2, 2, 3], &device);
     assert!(!with(black.clone()).has_light());
     assert!(with(black.clone() + 0.1).has_light());
-    let of_map = |map: Tensor<3>| Scene::new().environment(Environment::map(map)).has_light();
+    let of_map = |map: Tensor<3>| {
+        Scene::new()
+            .with_environment(Environment::map(map))
+            .has_light()
+    };
     assert!(!of_map(black.clone()) && of_map(black + 0.1));
 }
 
@@ -345,7 +351,7 @@ fn damaged_images() {
     image.write(folder.path("cut.png")).expect("a file");
     let whole = std::fs::read(folder.path("cut.png")).expect("bytes");
     folder.write("cut.png", &whole[..whole.len() / 2]);
-    let strict = LoadLimits::default().strict(true);
+    let strict = LoadLimits::default().with_strict(true);
     for uri in ["cut.png", "nowhere.png"] {
         let path = folder.write("a.glb", Gltf::textured(uri).glb());
         let scene = Scene::load(&path, &Device::flex()).expect("a scene");

@@ -151,8 +151,8 @@ fn what_lets_all_light_pass_is_a_dielectric() {
     assert!(told.is_empty(), "{told:?}");
     // What doesn't refract renders, too.
     let (scene, _) = load(&square(glass(1.0, solid, 0.0, 1.0), &[]));
-    let options = RenderOptions::new(4, 4).samples(1).bounces(2);
-    let seen = radiance(&scene.environment([1.0; 3]), &camera(), &options);
+    let options = RenderOptions::new(4, 4).with_samples(1).with_bounces(2);
+    let seen = radiance(&scene.with_environment([1.0; 3]), &camera(), &options);
     assert!(seen.iter().all(|v| v.is_finite()));
 }
 
@@ -212,8 +212,8 @@ fn room() -> Scene {
         let mesh = shapes::icosphere(1, &device).scaled(0.45).smooth_normals();
         let name = format!("ball {x}");
         Object::new(mesh.translated([x, 0.5, z]))
-            .named(&name)
-            .material(material)
+            .with_name(&name)
+            .with_material(material)
     };
     let rough = ScalarTexture::Texture {
         texels: texels([3, 2], |i| 0.2 + i as f32 / 9.0),
@@ -226,9 +226,9 @@ fn room() -> Scene {
     let base = ColorTexture::texture(texels([2, 2, 3], |i| 0.05 + i as f32 / 14.0));
     let tiles = Material::metallic_roughness(base, metal, rough);
     let worn = ScalarTexture::texture(texels([1, 3], |i| 0.4 + i as f32 / 4.0));
-    let wall = Material::metallic_roughness([0.8, 0.7, 0.2], 0.75, worn).compensated(false);
+    let wall = Material::metallic_roughness([0.8, 0.7, 0.2], 0.75, worn).with_compensated(false);
     let screen = ColorTexture::texture(texels([2, 3, 3], |i| (i * 7 % 5) as f32));
-    let screen = Material::metallic_roughness([0.1; 3], 0.0, 0.4).emission(screen);
+    let screen = Material::metallic_roughness([0.1; 3], 0.0, 0.4).with_emission(screen);
     let glass = Material::new(Bsdf::Dielectric {
         tint: [0.5, 0.9, 1.0].into(),
         ior: 1.45.into(),
@@ -236,44 +236,45 @@ fn room() -> Scene {
         compensated: true,
     });
     let gold = Material::conductor([0.2, 0.4, 1.4], [3.9, 2.4, 1.6], 0.3);
-    let put = |mesh: Mesh, material: Material| Object::new(mesh.with_uvs(uvs())).material(material);
+    let put =
+        |mesh: Mesh, material: Material| Object::new(mesh.with_uvs(uvs())).with_material(material);
     Scene::new()
-        .with(put(floor(2.0, 0.0, &device), tiles).named("floor"))
-        .with(
+        .with_object(put(floor(2.0, 0.0, &device), tiles).with_name("floor"))
+        .with_object(
             put(
                 facing_front([-2.0, 2.0], [0.0, 3.0], -2.0, &device),
-                wall.named("worn"),
+                wall.with_name("worn"),
             )
-            .named("wall"),
+            .with_name("wall"),
         )
-        .with(
+        .with_object(
             put(
                 facing_front([-0.5, 0.5], [1.2, 1.9], -1.5, &device),
-                screen.named("screen"),
+                screen.with_name("screen"),
             )
-            .named("screen"),
+            .with_name("screen"),
         )
-        .with(ball(-0.9, 0.3, glass.named("glass")))
-        .with(ball(0.0, -0.4, gold.named("gold")))
-        .with(ball(
+        .with_object(ball(-0.9, 0.3, glass.with_name("glass")))
+        .with_object(ball(0.0, -0.4, gold.with_name("gold")))
+        .with_object(ball(
             0.9,
             0.2,
             Material::metallic_roughness([0.9, 0.2, 0.1], 0.0, 0.35),
         ))
-        .with(lamp(0.8, 2.9, [3.0, 2.5, 2.0], &device).named("lamp"))
-        .light(Light::point([1.0, 2.0, 1.5], [3.1, 2.2, 0.3]))
-        .light(Light::spot(
+        .with_object(lamp(0.8, 2.9, [3.0, 2.5, 2.0], &device).with_name("lamp"))
+        .with_light(Light::point([1.0, 2.0, 1.5], [3.1, 2.2, 0.3]))
+        .with_light(Light::spot(
             [-1.5, 2.5, 1.0],
             [3.0, -4.0, -1.0],
             [9.0, 12.0, 7.7],
             0.2,
             0.6,
         ))
-        .light(Light::directional([0.3, -1.0, -0.4], [0.3, 0.2, 0.4]))
+        .with_light(Light::directional([0.3, -1.0, -0.4], [0.3, 0.2, 0.4]))
 }
 
 fn image(scene: &Scene) -> Vec<f64> {
-    let options = RenderOptions::new(24, 24).samples(4).bounces(3);
+    let options = RenderOptions::new(24, 24).with_samples(4).with_bounces(3);
     radiance(scene, &camera(), &options)
 }
 
@@ -330,7 +331,7 @@ fn facets_and_lights_read_back_to_the_same_image() {
         },
         |scene| {
             let material = &mut scene.objects[1].materials[0];
-            *material = material.clone().compensated(true);
+            *material = material.clone().with_compensated(true);
         },
     ];
     for change in changes {
@@ -349,7 +350,11 @@ fn what_gltf_can_not_hold_is_told() {
     let device = Device::flex();
     let square = |material: Material| {
         let mesh = floor(1.0, 0.0, &device).with_uvs(uvs());
-        Scene::new().with(Object::new(mesh).named("square").material(material))
+        Scene::new().with_object(
+            Object::new(mesh)
+                .with_name("square")
+                .with_material(material),
+        )
     };
     let image = |height: usize| ScalarTexture::texture(texels([height, 2], |i| 0.1 * i as f32));
     let told = |scene: &Scene, name: &str| {
@@ -359,7 +364,7 @@ fn what_gltf_can_not_hold_is_told() {
     let other_size = square(Material::metallic_roughness([0.5; 3], image(1), image(2)));
     let refraction = Material::dielectric(ScalarTexture::texture(texels([1, 2], |_| 1.4)), 0.0);
     let refraction = square(refraction);
-    let dark = Scene::clone(&refraction).light(Light::point([0.0; 3], [-1.0, 1.0, 1.0]));
+    let dark = Scene::clone(&refraction).with_light(Light::point([0.0; 3], [-1.0, 1.0, 1.0]));
     for (scene, parts) in [
         (&other_size, &["of other sizes or wraps"][..]),
         (&refraction, &["indices of refraction"]),
@@ -373,8 +378,10 @@ fn what_gltf_can_not_hold_is_told() {
         );
     }
     let lit = Scene::new()
-        .with(Object::new(shapes::cube(&device)).material(Material::dielectric(1.5, 0.0)))
-        .light(Light::directional([0.0, -1.0, 0.0], [1.0; 3]));
+        .with_object(
+            Object::new(shapes::cube(&device)).with_material(Material::dielectric(1.5, 0.0)),
+        )
+        .with_light(Light::directional([0.0, -1.0, 0.0], [1.0; 3]));
     for name in ["a.obj", "a.ply"] {
         let told = told(&lit, name);
         for part in [

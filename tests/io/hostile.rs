@@ -11,18 +11,18 @@ use burn::tensor::{Device, Tensor};
 use softray::prelude::*;
 
 fn camera() -> Camera {
-    Camera::look_at([0.3, 0.4, 4.0], [0.0; 3]).fov_y(40.0)
+    Camera::look_at([0.3, 0.4, 4.0], [0.0; 3]).with_fov_y(40.0)
 }
 
 fn small() -> RenderOptions {
-    RenderOptions::new(8, 8).samples(2).bounces(1)
+    RenderOptions::new(8, 8).with_samples(2).with_bounces(1)
 }
 
 /// Renders with gradients of all vertices by both forms; all of it finite.
 fn finite(scene: &Scene) {
     for form in [Visibility::default(), Visibility::softmax(1e-4, 1e-3)] {
-        let scene = with_leaves(scene.clone().environment([1.0; 3]));
-        let options = small().visibility(form);
+        let scene = with_leaves(scene.clone().with_environment([1.0; 3]));
+        let options = small().with_visibility(form);
         let image = render(&scene, &camera(), &options).expect("an image");
         let gradients = image.radiance.clone().sum().backward();
         let finite = values(&image.radiance).iter().all(|v| v.is_finite());
@@ -69,8 +69,8 @@ fn meshes_collapsed_to_a_point() {
         let point = ball.clone().scaled(Tensor::from_floats([size], &device));
         let beside = shapes::icosphere(1, &device);
         let scene = Scene::new()
-            .with(Object::new(point).named(format!("point of {size:e}")))
-            .with(Object::new(beside));
+            .with_object(Object::new(point).with_name(format!("point of {size:e}")))
+            .with_object(Object::new(beside));
         finite(&scene);
     }
 }
@@ -84,10 +84,10 @@ fn images_larger_than_the_limit() {
         .expect("an image")
         .write(&path)
         .expect("a file");
-    let limits = LoadLimits::default().pixels(59_999);
+    let limits = LoadLimits::default().with_pixels(59_999);
     let error = message(HostImage::read_within(&path, &limits));
-    says(&error, ["300 × 200", "LoadLimits::pixels"]);
-    let limits = limits.pixels(60_000);
+    says(&error, ["300 × 200", "LoadLimits::with_pixels"]);
+    let limits = limits.with_pixels(60_000);
     assert!(HostImage::read_within(&path, &limits).is_ok());
 
     // What a header promises is not allocated: 60,000² pixels in 70 bytes.
@@ -121,7 +121,7 @@ fn crc(bytes: &[u8]) -> u32 {
 #[cfg(unix)]
 fn files_that_are_no_files() {
     let folder = Folder::new("devices");
-    let limits = LoadLimits::default().outside(true).strict(true);
+    let limits = LoadLimits::default().with_outside(true).with_strict(true);
     let device = Device::flex();
     for library in ["/dev/zero", "/dev/null"] {
         let path = folder.write("scene.obj", format!("mtllib {library}\n{SQUARE}f 1 2 3\n"));
@@ -147,12 +147,12 @@ fn texts_and_meshes_larger_than_the_limits() {
     let path = folder.write("scene.obj", format!("{SQUARE}f 1 2 3 4\n"));
     let load = |limits| Scene::load_within(&path, &Device::flex(), &limits);
     says(
-        message(load(LoadLimits::default().text_bytes(20))),
-        ["LoadLimits::text_bytes"],
+        message(load(LoadLimits::default().with_text_bytes(20))),
+        ["LoadLimits::with_text_bytes"],
     );
-    let error = message(load(LoadLimits::default().triangles(1)));
-    says(&error, ["line 5", "LoadLimits::triangles"]);
-    assert!(load(LoadLimits::default().triangles(2)).is_ok());
+    let error = message(load(LoadLimits::default().with_triangles(1)));
+    says(&error, ["line 5", "LoadLimits::with_triangles"]);
+    assert!(load(LoadLimits::default().with_triangles(2)).is_ok());
 }
 
 #[test]
@@ -163,13 +163,13 @@ fn files_outside_of_the_folder() {
     image.write(folder.0.join("secret.png")).expect("a file");
     folder.write("inner/scene.mtl", "newmtl a\nmap_Kd ../secret.png\n");
     let device = Device::flex();
-    let outside = LoadLimits::default().outside(true);
+    let outside = LoadLimits::default().with_outside(true);
     for library in ["../secret.mtl", "scene.mtl"] {
         let text = format!("mtllib {library}\n{SQUARE}usemtl a\nf 1 2 3\n");
         let path = folder.write("inner/scene.obj", text);
         let error = message(Scene::load(&path, &device));
         says(&error, ["lies outside", "secret"]);
-        says(&error, ["scene.", "LoadLimits::outside"]);
+        says(&error, ["scene.", "LoadLimits::with_outside"]);
         assert!(Scene::load_within(&path, &device, &outside).is_ok());
     }
     let json = |environment: &str, obj: &str| {
@@ -198,7 +198,7 @@ fn sizes_that_no_machine_holds() {
         let error = at(RenderOptions::new(size, size));
         says(&error, [takes, "memory_limit"]);
     }
-    let error = at(small().bounces(u32::MAX));
+    let error = at(small().with_bounces(u32::MAX));
     says(&error, ["bounces", "4294967296 surfaces"]);
     says(at(RenderOptions::new(1 << 40, 1 << 40)), ["2³²"]);
     let options = RenderOptions::new(1 << 40, 1 << 40);
@@ -207,7 +207,7 @@ fn sizes_that_no_machine_holds() {
         ["2³²"],
     );
     says(
-        at(small().memory_limit(100).with_normals()),
+        at(small().with_memory_limit(100).with_normals()),
         ["memory_limit"],
     );
     says(
@@ -221,10 +221,10 @@ fn values_that_f32_cannot_hold_and_normals_without_a_direction() {
     let device = Device::flex();
     let ball = || shapes::icosahedron(&device);
     let error = |object: Object| {
-        let scene = Scene::new().with(object).environment([1.0; 3]);
+        let scene = Scene::new().with_object(object).with_environment([1.0; 3]);
         message(render(&scene, &camera(), &small()))
     };
-    let lamp = Object::new(ball()).material(Material::emitter([1e308, 0.0, 0.0]));
+    let lamp = Object::new(ball()).with_material(Material::emitter([1e308, 0.0, 0.0]));
     let found = error(lamp);
     says(&found, ["emission", "finite"]);
     let folder = Folder::new("values");
@@ -277,22 +277,22 @@ fn byte_order_marks_and_other_encodings() {
 fn cameras_with_tiny_and_huge_vectors() {
     let device = Device::flex();
     let scene = Scene::new()
-        .with(Object::new(shapes::icosahedron(&device)))
-        .environment([1.0, 0.5, 0.2]);
+        .with_object(Object::new(shapes::icosahedron(&device)))
+        .with_environment([1.0, 0.5, 0.2]);
     for engine in [Engine::Kernels, Engine::Tensors] {
-        let options = small().samples(16).engine(engine).with_opacity();
+        let options = small().with_samples(16).with_engine(engine).with_opacity();
         let image = |camera: &Camera| {
             let image = render(&scene, camera, &options).expect("an image");
             values(&image.opacity.expect("opacity"))
         };
         let usual = image(&camera());
         for length in [1e-23, 1e-10, 2e19] {
-            let found = image(&camera().up([0.0, length, 0.0]));
+            let found = image(&camera().with_up([0.0, length, 0.0]));
             assert_eq!(found, usual, "{engine:?}, up {length:e}");
         }
         let eye = glam::DVec3::new(0.3, 0.4, 4.0);
         let near = eye - eye.normalize() * 1e-7;
-        let close = Camera::look_at(eye, near).fov_y(40.0);
+        let close = Camera::look_at(eye, near).with_fov_y(40.0);
         for (a, b) in image(&close).iter().zip(&usual) {
             assert!((a - b).abs() < 1e-3, "{engine:?}");
         }
@@ -307,8 +307,8 @@ fn mistakes_of_the_api_are_errors() {
     let ball = || shapes::icosahedron(&device);
     let see = |mesh: Mesh| {
         let scene = Scene::new()
-            .with(Object::new(mesh).named("ball"))
-            .environment([1.0; 3]);
+            .with_object(Object::new(mesh).with_name("ball"))
+            .with_environment([1.0; 3]);
         message(render(&scene, &camera(), &small()))
     };
     let two = || Tensor::<1>::from_floats([1.0, 2.0], &device);
@@ -322,16 +322,16 @@ fn mistakes_of_the_api_are_errors() {
     let tracked = ball().vertices.autodiff().require_grad();
     let empty = Mesh::new(tracked.clone(), Vec::new());
     let scene = Scene::new()
-        .with(Object::new(empty))
-        .with(Object::new(ball()))
-        .environment([1.0; 3]);
+        .with_object(Object::new(empty))
+        .with_object(Object::new(ball()))
+        .with_environment([1.0; 3]);
     for engine in [Engine::Kernels, Engine::Tensors] {
-        let image = render(&scene, &camera(), &small().engine(engine)).expect("an image");
+        let image = render(&scene, &camera(), &small().with_engine(engine)).expect("an image");
         let gradients = image.radiance.sum().backward();
         assert!(gradient(&tracked, &gradients).iter().all(|&g| g == 0.0));
     }
 
-    let scenes = vec![Scene::new().with(Object::new(ball()).named("ball")); 2];
+    let scenes = vec![Scene::new().with_object(Object::new(ball()).with_name("ball")); 2];
     let none = Tensor::<3>::zeros([2, 0, 3], &device);
     let batch = Batch::new(scenes, vec![camera()]).expect("a batch");
     let rendered = batch

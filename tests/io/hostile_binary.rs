@@ -252,9 +252,9 @@ fn mistakes_of_gltf_are_named() {
             // What only a render finds.
             let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
             render(
-                &scene.environment([1.0; 3]),
+                &scene.with_environment([1.0; 3]),
                 &camera,
-                &RenderOptions::new(2, 2).samples(1),
+                &RenderOptions::new(2, 2).with_samples(1),
             )
         }));
         assert!(error.contains(expected), "{pointer}: {error}");
@@ -334,15 +334,15 @@ fn claims_of_gltf_are_not_believed() {
     file.json["nodes"] = json!(nodes);
     file.json["scenes"][0]["nodes"] = json!((0..1000).collect::<Vec<_>>());
     let path = folder.write("many.glb", file.glb());
-    let limits = LoadLimits::default().triangles(1999);
+    let limits = LoadLimits::default().with_triangles(1999);
     let error = message(Scene::load_within(&path, &Device::flex(), &limits));
-    says(error, ["nodes[999].mesh", "LoadLimits::triangles"]);
-    let limits = limits.triangles(2000);
+    says(error, ["nodes[999].mesh", "LoadLimits::with_triangles"]);
+    let limits = limits.with_triangles(2000);
     assert!(Scene::load_within(&path, &Device::flex(), &limits).is_ok());
     // A file larger than the limit.
-    let limits = LoadLimits::default().text_bytes(100);
+    let limits = LoadLimits::default().with_text_bytes(100);
     let error = message(Scene::load_within(&path, &Device::flex(), &limits));
-    says(error, ["many.glb", "LoadLimits::text_bytes"]);
+    says(error, ["many.glb", "LoadLimits::with_text_bytes"]);
     // A picture of many pixels.
     let mut file = Gltf::square();
     let image = HostImage::new(300, 200, vec![0.5; 300 * 200 * 3]).expect("an image");
@@ -352,11 +352,15 @@ fn claims_of_gltf_are_not_believed() {
     file.push("textures", json!({"source": 0}));
     file.material(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}));
     let path = folder.write("textured.glb", file.glb());
-    let limits = LoadLimits::default().pixels(59_999);
+    let limits = LoadLimits::default().with_pixels(59_999);
     let error = message(Scene::load_within(&path, &Device::flex(), &limits));
     says(
         error,
-        ["textured.glb, images[0]", "300 × 200", "LoadLimits::pixels"],
+        [
+            "textured.glb, images[0]",
+            "300 × 200",
+            "LoadLimits::with_pixels",
+        ],
     );
     assert!(peak() - before < 300.0, "{} MiB", peak() - before);
 }
@@ -379,10 +383,10 @@ fn images_outside_of_the_folder() {
             "secret.png",
             "lies outside",
             "images[0].uri",
-            "LoadLimits::outside",
+            "LoadLimits::with_outside",
         ],
     );
-    let outside = LoadLimits::default().outside(true);
+    let outside = LoadLimits::default().with_outside(true);
     assert!(Scene::load_within(&path, &device, &outside).is_ok());
     // A JSON file's scene, too.
     let json = json!({"scene": "../inner/a.glb", "camera": {"eye": [0, 0, 4], "target": [0, 0, 0],

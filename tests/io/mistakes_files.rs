@@ -44,7 +44,7 @@ fn files() {
         || {
             folder.write("a.mtl", "newmtl a\nmap_Kd wood.png\n");
             let text = format!("mtllib a.mtl\n{TRIANGLE}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n");
-            let strict = LoadLimits::default().strict(true);
+            let strict = LoadLimits::default().with_strict(true);
             Scene::load_within(folder.write("a.obj", text), &flex(), &strict)
         },
     );
@@ -136,7 +136,7 @@ fn modules() {
         EnvironmentParams::uniform(0, 4, 1.0, &device)
     });
     told.expect("a size without a scale", &["scale", "with_scale"], || {
-        RigidTransform::new(&device).with_size(2.0)
+        RigidTransform::new(&device).with_scale(2.0)
     });
     told.expect("no columns", &["width", "0"], || {
         Renderer::new(RenderOptions::new(0, 4))
@@ -150,7 +150,7 @@ fn modules() {
         || MeshRegularizer::new(&[[0, 1, 2]], 2, &device),
     );
     told.expect("lambda", &["large steps", "lambda", "-1"], || {
-        LargeSteps::from_mesh(&ball().mesh, &LargeStepsConfig::default().lambda(-1.0))
+        LargeSteps::from_mesh(&ball().mesh, &LargeStepsConfig::default().with_lambda(-1.0))
     });
     told.expect("blur that rises", &["end", "0.1", "0.01"], || {
         BlurSchedule::decay(0.01, 0.1, 10)
@@ -198,7 +198,7 @@ fn errors_keep_their_source() {
     let error = Scene::load("nowhere.obj", &flex()).expect_err("no file");
     let source = error.source().expect("a source");
     assert!(source.is::<std::io::Error>(), "{source}");
-    let bad = ball().velocity([f64::NAN, 0.0, 0.0]);
+    let bad = ball().with_velocity([f64::NAN, 0.0, 0.0]);
     let batch = Batch::new(vec![lit(bad)], vec![camera()]).expect("a batch");
     let error = render_batch(&batch, &small()).expect_err("a velocity");
     let source = error
@@ -268,20 +268,20 @@ fn black_images_are_told() {
         });
         assert!(told.len() == 1 && told[0].contains(part), "{told:?}");
     };
-    black(Scene::new().with(ball()), "no light");
+    black(Scene::new().with_object(ball()), "no light");
     // A tensor of zeros is dark, too.
-    black(lit(ball()).environment(row([0.0; 3])), "no light");
+    black(lit(ball()).with_environment(row([0.0; 3])), "no light");
     // The camera is outside of a box with a lamp in it.
     let lamp = Object::new(shapes::icosahedron(&flex()).scaled(row([0.1])))
-        .material(Material::emitter([1.0; 3]));
+        .with_material(Material::emitter([1.0; 3]));
     let walls = Object::new(shapes::cube(&flex()));
     black(
-        Scene::new().with(lamp.clone()).with(walls),
+        Scene::new().with_object(lamp.clone()).with_object(walls),
         "view 0 is black",
     );
 
-    let seen = Scene::new().with(lamp);
-    let options = RenderOptions::new(16, 16).samples(4).bounces(0);
+    let seen = Scene::new().with_object(lamp);
+    let options = RenderOptions::new(16, 16).with_samples(4).with_bounces(0);
     let told = warnings(|| render(&seen, &camera(), &options).expect("an image"));
     assert!(told.is_empty(), "{told:?}");
 }
@@ -350,7 +350,7 @@ fn scenes_without_extent_or_area() {
     let said = warnings(|| render(&line, &camera(), &small()).expect("an image"));
     assert!(said.iter().any(|t| t.contains("has an area")), "{said:?}");
     // Flat and dark: no side of it is better than another.
-    let flat = scene([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).environment([0.0; 3]);
+    let flat = scene([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).with_environment([0.0; 3]);
     assert!(overview(&flat).is_ok());
 }
 

@@ -299,7 +299,7 @@ fn errors_name_file_and_field() {
 
 /// Loads an OBJ file; what would be a warning is an error.
 fn strict(folder: &Folder, obj: &str) -> softray::Result<Scene> {
-    let limits = LoadLimits::default().strict(true);
+    let limits = LoadLimits::default().with_strict(true);
     Scene::load_within(folder.write("scene.obj", obj), &Device::flex(), &limits)
 }
 

@@ -16,12 +16,12 @@ fn outputs_are_pictures_and_data() {
     let device = Device::flex();
     let ball = shapes::icosphere(2, &device);
     let scene = Scene::new()
-        .with(Object::new(
+        .with_object(Object::new(
             ball.translated(Tensor::from_floats([0.2, 0.0, 0.0], &device)),
         ))
-        .environment([0.9, 0.7, 1.5]);
-    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).fov_y(40.0);
-    let options = RenderOptions::new(32, 24).samples(4).bounces(0);
+        .with_environment([0.9, 0.7, 1.5]);
+    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).with_fov_y(40.0);
+    let options = RenderOptions::new(32, 24).with_samples(4).with_bounces(0);
     let options = options.with_depth().with_normals().with_opacity();
     let batch = Batch::new(vec![scene], vec![camera.clone(), camera]).expect("a batch");
     let image = render_batch(&batch, &options).expect("images").view(1);
@@ -92,7 +92,7 @@ fn outputs_are_pictures_and_data() {
 fn outputs_that_were_not_asked_for_are_named() {
     let folder = Folder::new("missing");
     let (scene, camera) = (under_sky(shapes::cube(&Device::flex())), on_axis(4.0));
-    let options = RenderOptions::new(2, 2).samples(1).bounces(0);
+    let options = RenderOptions::new(2, 2).with_samples(1).with_bounces(0);
     let image = render(&scene, &camera, &options).expect("an image");
     let (exr, png) = (folder.path("a.exr"), folder.path("a.png"));
     says(
@@ -120,9 +120,9 @@ fn animations_loop_at_their_rate() {
     let height = leaf(&[0.0, 0.1, 0.0], &device);
     let cube = shapes::cube(&device).translated(height);
     let scene = Scene::new()
-        .with(diffuse(cube, [0.7, 0.3, 0.2]))
-        .environment([0.4, 0.5, 0.6])
-        .with(emitting(
+        .with_object(diffuse(cube, [0.7, 0.3, 0.2]))
+        .with_environment([0.4, 0.5, 0.6])
+        .with_object(emitting(
             shapes::torus(1.6, 0.2, 12, 6, &device),
             [0.2, 0.9, 0.3],
         ));
@@ -130,9 +130,9 @@ fn animations_loop_at_their_rate() {
         let (sin, cos) = (f64::from(i) / 8.0 * std::f64::consts::TAU).sin_cos();
         Camera::look_at([4.5 * sin, 2.0, 4.5 * cos], [0.3, 0.0, 0.0])
     });
-    let options = RenderOptions::new(32, 24).samples(8).bounces(1);
+    let options = RenderOptions::new(32, 24).with_samples(8).with_bounces(1);
     let animation = Animation::render(&scene, cameras, &options).expect("frames");
-    let animation = animation.frames_per_second(30.0);
+    let animation = animation.with_frames_per_second(30.0);
     animation.write(&path).expect("a file");
     let file = std::io::BufReader::new(fs::File::open(&path).expect("a file"));
     let decoder = image::codecs::gif::GifDecoder::new(file).expect("a GIF file");
@@ -173,7 +173,7 @@ fn animations_have_frames_of_one_size() {
     let folder = Folder::new("animation-errors");
     let animation = Animation::new(vec![black(2, 3)]).expect("one frame");
     for rate in [0.0, f64::NAN, 51.0] {
-        let at = animation.clone().frames_per_second(rate);
+        let at = animation.clone().with_frames_per_second(rate);
         let error = at.write(folder.path("a.gif"));
         says(message(error), ["frames_per_second"]);
     }

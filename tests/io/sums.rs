@@ -51,7 +51,7 @@ fn place(file: &mut Gltf, nodes: Vec<Value>) {
 }
 
 fn small() -> RenderOptions {
-    RenderOptions::new(8, 8).samples(2).bounces(1)
+    RenderOptions::new(8, 8).with_samples(2).with_bounces(1)
 }
 
 /// 40 materials of one image of 12 MiB as a texture: 480 MiB if each had its own, in the scene and in what renders it.
@@ -64,9 +64,9 @@ fn an_image_that_materials_share_is_there_once() {
     let file = squares(40, &[flat(&folder, 1024, [0.25, 0.5, 0.75])]);
     let path = folder.write("shared.glb", file.glb());
     let before = peak();
-    let limits = LoadLimits::default().memory(20 << 20);
+    let limits = LoadLimits::default().with_memory(20 << 20);
     let scene = Scene::load_within(&path, &Device::flex(), &limits).expect("a scene");
-    let scene = scene.environment([1.0; 3]);
+    let scene = scene.with_environment([1.0; 3]);
     let camera = Camera::look_at([20.0, 0.5, 30.0], [20.0, 0.5, 0.0]);
     let seen = radiance(&scene, &camera, &small());
     assert!(seen.iter().any(|&v| v > 0.1));
@@ -84,12 +84,12 @@ fn the_sum_of_images_is_bounded() {
     let file = squares(4, &[(); 4].map(|()| image.clone()));
     let path = folder.write("many.glb", file.glb());
     let load = |bytes| {
-        let limits = LoadLimits::default().memory(bytes);
+        let limits = LoadLimits::default().with_memory(bytes);
         Scene::load_within(&path, &Device::flex(), &limits)
     };
     // Each has 3 MiB of numbers.
     let error = message(load(10 << 20));
-    says(error, ["many.glb", "images[3]", "LoadLimits::memory"]);
+    says(error, ["many.glb", "images[3]", "LoadLimits::with_memory"]);
     assert!(load(13 << 20).is_ok());
     // By default small files are not believed either: 60 images of 4096² would take 12 GB, and are not decoded.
     let image = flat(&folder, 4096, [0.5; 3]);
@@ -97,7 +97,7 @@ fn the_sum_of_images_is_bounded() {
     let file = squares(60, &[(); 60].map(|()| image.clone()));
     let path = folder.write("huge.glb", file.glb());
     let error = message(Scene::load(path, &Device::flex()));
-    says(error, ["huge.glb", "LoadLimits::memory"]);
+    says(error, ["huge.glb", "LoadLimits::with_memory"]);
     assert!(peak() - before < 100.0, "{} MiB", peak() - before);
 }
 
@@ -113,7 +113,7 @@ fn the_sum_of_meshes_is_bounded() {
     place(&mut file, (0..300).map(|i| json!({"mesh": i})).collect());
     let path = folder.write("many.glb", file.glb());
     let error = message(Scene::load(&path, &Device::flex()));
-    says(error, ["many.glb", "].mesh", "LoadLimits::memory"]);
+    says(error, ["many.glb", "].mesh", "LoadLimits::with_memory"]);
 }
 
 /// Nodes of one mesh share all but their places: 20,000 of them took 660 MB and over a minute.
@@ -130,13 +130,13 @@ fn objects_take_little() {
     let path = folder.write("nodes.glb", file.glb());
     let before = resident();
     let scene = Scene::load(path, &Device::flex()).expect("a scene");
-    let scene = scene.environment([1.0; 3]);
+    let scene = scene.with_environment([1.0; 3]);
     let camera = Camera::framing(&scene, [0.0, 0.0, 1.0]).expect("a camera");
     // While all that a render makes of them is there.
     let most = Arc::new(Mutex::new(0.0));
     let seen = most.clone();
     let progress = move |_, _| *seen.lock().expect("a number") = resident();
-    radiance(&scene, &camera, &small().progress(progress));
+    radiance(&scene, &camera, &small().with_progress(progress));
     let most = *most.lock().expect("a number");
     let of_one = (most - before) * 1024.0 / f64::from(count);
     println!("{of_one:.2} KiB an object");
@@ -153,7 +153,7 @@ fn faces_at_one_place_take_linear_time() {
         place(&mut file, vec![json!({"mesh": 0}); count]);
         let path = folder.write("squares.glb", file.glb());
         let scene = Scene::load(path, &Device::flex()).expect("a scene");
-        let scene = scene.environment([1.0; 3]);
+        let scene = scene.with_environment([1.0; 3]);
         let camera = Camera::look_at([0.2, 0.4, 2.0], [0.5, 0.5, 0.0]);
         radiance(&scene, &camera, &small())
     };
@@ -168,7 +168,7 @@ fn faces_at_one_place_take_linear_time() {
 fn a_shared_texture_has_the_sum_of_its_derivatives() {
     let device = Device::flex();
     let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
-    let options = RenderOptions::new(8, 8).samples(4).bounces(1);
+    let options = RenderOptions::new(8, 8).with_samples(4).with_bounces(1);
     let texels = |value: f32| Tensor::<3>::full([2, 2, 3], value, &device);
     // The gradient by the textures of two squares that face the camera.
     let render = |of: [Tensor<3>; 2]| {
@@ -180,9 +180,9 @@ fn a_shared_texture_has_the_sum_of_its_derivatives() {
                 [x - 0.5, 0.5, 0.0],
                 &device,
             );
-            Object::new(square).material(Material::diffuse(ColorTexture::texture(texture)))
+            Object::new(square).with_material(Material::diffuse(ColorTexture::texture(texture)))
         });
-        let scene = squares.fold(Scene::new().environment([1.0; 3]), Scene::with);
+        let scene = squares.fold(Scene::new().with_environment([1.0; 3]), Scene::with_object);
         let image = render(&scene, &camera, &options).expect("an image");
         image.radiance.sum().backward()
     };

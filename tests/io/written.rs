@@ -19,11 +19,11 @@ pub fn texels<const D: usize>(shape: [usize; D], f: impl Fn(usize) -> f32) -> Te
 }
 
 pub fn camera() -> Camera {
-    Camera::look_at([0.3, 1.6, 4.0], [0.0, 0.6, 0.0]).fov_y(45.0)
+    Camera::look_at([0.3, 1.6, 4.0], [0.0, 0.6, 0.0]).with_fov_y(45.0)
 }
 
 pub fn image(scene: &Scene) -> Vec<f64> {
-    let options = RenderOptions::new(24, 24).samples(4).bounces(2);
+    let options = RenderOptions::new(24, 24).with_samples(4).with_bounces(2);
     radiance(scene, &camera(), &options)
 }
 

@@ -10,9 +10,11 @@ use crate::common::tensors::{gradient, leaf, radiance, values};
 
 /// A scene of tests/data, its options, and these with adaptive sampling.
 fn scene(name: &str, size: usize, samples: u32) -> (SceneFile, RenderOptions, RenderOptions) {
-    let options = RenderOptions::new(size, size).samples(samples).bounces(1);
+    let options = RenderOptions::new(size, size)
+        .with_samples(samples)
+        .with_bounces(1);
     let file = scene_file(name, &Device::flex());
-    (file, options.clone(), options.adaptive())
+    (file, options.clone(), options.with_adaptive())
 }
 
 #[test]
@@ -24,9 +26,9 @@ fn it_takes_noise_away_by_as_many_rays() {
     ] {
         let (file, plain, adaptive) = scene(name, 32, 128);
         let image = |options: &RenderOptions, seed| {
-            render(&file.scene, &file.camera, &options.clone().seed(seed)).expect("an image")
+            render(&file.scene, &file.camera, &options.clone().with_seed(seed)).expect("an image")
         };
-        let reference = values(&image(&plain.clone().samples(4096), 99).radiance);
+        let reference = values(&image(&plain.clone().with_samples(4096), 99).radiance);
         let noise = |options: &RenderOptions| {
             let (mut squares, mut rays) = (0.0, 0);
             for seed in 0..4 {
@@ -63,7 +65,8 @@ fn means_and_gradients_stay() {
             let vertices = object.mesh.vertices.clone() * by.clone().reshape([1, 1]);
             object.mesh = object.mesh.clone().with_vertices(vertices);
         }
-        let image = render(&scene, &file.camera, &options.clone().seed(seed)).expect("an image");
+        let image =
+            render(&scene, &file.camera, &options.clone().with_seed(seed)).expect("an image");
         let mean = image.radiance.mean();
         [values(&mean)[0], gradient(&by, &mean.backward())[0]]
     };
@@ -92,7 +95,7 @@ fn views_have_samples_of_their_own() {
     );
     let images = render_batch(&batch.expect("a batch"), &options).expect("images");
     for (i, camera) in [&file.camera, &other].into_iter().enumerate() {
-        let own = options.of_view(i).rays_per_tile(500);
+        let own = options.of_view(i).with_rays_per_tile(500);
         let alone = render(&file.scene, camera, &own).expect("an image");
         let view = images.view(i);
         assert_eq!(values(&alone.radiance), values(&view.radiance));
@@ -109,7 +112,7 @@ fn lists_of_pixels_and_few_samples_have_no_more_than_without() {
         let image = render_pixels(&file.scene, &file.camera, options, pixels).expect("pixels");
         image.statistics.bounces[0]
     };
-    let many = |o: &RenderOptions| paths(&o.clone().samples(64), &[3, 70, 200]);
+    let many = |o: &RenderOptions| paths(&o.clone().with_samples(64), &[3, 70, 200]);
     assert_eq!(many(&adaptive), many(&plain));
     let whole = render(&file.scene, &file.camera, &adaptive).expect("an image");
     assert_eq!(whole.statistics.bounces[0], 16 * 16 * 4);
@@ -120,7 +123,7 @@ fn progress_counts_to_the_end() {
     use std::sync::Mutex;
     static CALLS: Mutex<Vec<(usize, usize)>> = Mutex::new(Vec::new());
     let (file, _, options) = scene("cornell", 32, 64);
-    let options = options.progress(|n, all| CALLS.lock().expect("calls").push((n, all)));
+    let options = options.with_progress(|n, all| CALLS.lock().expect("calls").push((n, all)));
     radiance(&file.scene, &file.camera, &options);
     let mut calls = CALLS.lock().expect("calls").clone();
     calls.sort_unstable();
@@ -134,14 +137,21 @@ fn what_does_not_know_it_says_so() {
     let (file, _, options) = scene("cornell", 8, 8);
     let error = |options: RenderOptions| message(render(&file.scene, &file.camera, &options));
     says(
-        error(options.clone().engine(Engine::Tensors)),
+        error(options.clone().with_engine(Engine::Tensors)),
         ["adaptive", "Tensors"],
     );
     says(
-        error(options.clone().visibility(Visibility::softmax(1e-4, 1e-3))),
+        error(
+            options
+                .clone()
+                .with_visibility(Visibility::softmax(1e-4, 1e-3)),
+        ),
         ["adaptive", "softmax"],
     );
-    says(error(options.samples(1 << 25)), ["samples", "adaptive"]);
+    says(
+        error(options.with_samples(1 << 25)),
+        ["samples", "adaptive"],
+    );
 }
 
 #[test]
@@ -151,7 +161,7 @@ fn passes_have_no_gradients() {
     let offset = Tensor::<1>::zeros([3], &device).autodiff().require_grad();
     let moved = |o: Object| o.map_mesh(|m| m.translated(offset.clone()));
     let room = room.map_object("tall", moved).expect("a block");
-    let options = RenderOptions::new(4, 4).samples(4).pass(1, 2);
+    let options = RenderOptions::new(4, 4).with_samples(4).with_pass(1, 2);
     says(
         message(render(&room, &camera, &options)),
         ["pass", "1 of 2", "gradients"],

@@ -28,12 +28,12 @@ fn holes_show_what_is_behind_and_let_light_through() {
         (Engine::Tensors, 0),
     ] {
         let image = |mesh: Mesh, material: Material| {
-            let (mut scene, camera) = lit(Object::new(mesh).material(material));
+            let (mut scene, camera) = lit(Object::new(mesh).with_material(material));
             // Few triangles are tested one by one, many by boxes.
             for i in 0..more {
                 let at = constant(&[-3.0 + 0.1 * f64::from(i), -1.1, -2.0], [3]);
                 let small = shapes::cube(&device).scaled(0.03).translated(at);
-                scene = scene.with(Object::new(small));
+                scene = scene.with_object(Object::new(small));
             }
             radiance(&scene, &camera, &options(engine))
         };
@@ -56,10 +56,10 @@ fn holes_do_not_shine() {
         let light = if half { half_open(light) } else { light };
         let gloss = Material::phong([0.4; 3], [0.4; 3], 10.0);
         let scene = Scene::new()
-            .with(Object::new(mesh).material(light))
-            .with(Object::new(floor(2.0, 0.0, &device)).material(gloss));
+            .with_object(Object::new(mesh).with_material(light))
+            .with_object(Object::new(floor(2.0, 0.0, &device)).with_material(gloss));
         let camera = Camera::look_at([0.0, 1.5, 5.0], [0.0, 0.6, 0.0]);
-        let options = options(engine).samples(256);
+        let options = options(engine).with_samples(256);
         let image = radiance(&scene, &camera, &options);
         image.iter().sum::<f64>() / image.len() as f64
     };
@@ -77,8 +77,8 @@ fn edges_in_holes_do_not_jump() {
     let by = |alpha: f64| {
         let place = leaf(&[0.1, 0.0, 0.5], &device);
         let mesh = wall().scaled(0.5).translated(place.clone());
-        let masked = Material::diffuse([0.1; 3]).alpha_mask(constant(&[alpha], [1, 1]), 0.5);
-        let (scene, camera) = lit(Object::new(mesh).material(masked));
+        let masked = Material::diffuse([0.1; 3]).with_alpha_mask(constant(&[alpha], [1, 1]), 0.5);
+        let (scene, camera) = lit(Object::new(mesh).with_material(masked));
         let image = render(&scene, &camera, &options(Engine::Kernels)).expect("an image");
         gradient(
             &place,

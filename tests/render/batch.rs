@@ -15,14 +15,14 @@ fn leaf<const D: usize>(values: &[f64], shape: [usize; D], device: &Device) -> T
 }
 
 fn ground(device: &Device) -> Object {
-    Object::new(floor(3.0, -1.2, device).cast(DType::F64)).named("floor")
+    Object::new(floor(3.0, -1.2, device).cast(DType::F64)).with_name("floor")
 }
 
 fn lamp(device: &Device, radiance: impl Into<Parameter<3>>) -> Object {
     let quad = facing_down([-1.0, 1.0], [-1.0, 1.0], 3.0, device).cast(DType::F64);
     Object::new(quad)
-        .named("lamp")
-        .material(Material::emitter(radiance))
+        .with_name("lamp")
+        .with_material(Material::emitter(radiance))
 }
 
 /// Leaves, scenes and cameras that differ in everything: meshes, materials, lights, lens.
@@ -42,7 +42,7 @@ fn world(device: &Device) -> World {
     let radiance = leaf(&[7.0, 8.0, 9.0], [3], device);
     let eye = leaf(&[1.0, 1.5, 4.0], [3], device);
     let ball = |n| shapes::icosphere(n, device).cast(DType::F64);
-    let moved = Object::new(ball(2).translated(offset.clone())).named("ball");
+    let moved = Object::new(ball(2).translated(offset.clone())).with_name("ball");
     let vertices = ball(1).host_vertices().expect("vertices");
     let uvs: Vec<f64> = vertices.iter().flat_map(|v| [v[0], v[1]]).collect();
     let uvs = tensor(&uvs, [vertices.len(), 2], device, DType::F64);
@@ -51,26 +51,26 @@ fn world(device: &Device) -> World {
     let painted = Material::diffuse(ColorTexture::texture(texels.clone()));
     let scenes = vec![
         Scene::new()
-            .with(moved)
-            .with(ground(device))
-            .with(lamp(device, radiance.clone())),
+            .with_object(moved)
+            .with_object(ground(device))
+            .with_object(lamp(device, radiance.clone())),
         Scene::new()
-            .with(Object::new(smooth.with_uvs(uvs)).material(painted))
-            .environment([0.5, 0.6, 0.7]),
+            .with_object(Object::new(smooth.with_uvs(uvs)).with_material(painted))
+            .with_environment([0.5, 0.6, 0.7]),
         Scene::new()
-            .with(Object::new(
+            .with_object(Object::new(
                 ball(0)
                     .translated(offset.clone())
                     .scaled(offset.clone() + 0.6),
             ))
-            .with(lamp(device, [5.0; 3])),
+            .with_object(lamp(device, [5.0; 3])),
     ];
     let cameras = vec![
-        Camera::look_at(eye.clone(), [0.0; 3]).fov_y(40.0),
+        Camera::look_at(eye.clone(), [0.0; 3]).with_fov_y(40.0),
         Camera::look_at([-2.0, 0.5, 3.0], [0.0; 3])
-            .fov_y(50.0)
-            .thin_lens(0.1, 3.5),
-        Camera::look_at(eye.clone(), [0.1, 0.0, 0.0]).fov_y(35.0),
+            .with_fov_y(50.0)
+            .with_thin_lens(0.1, 3.5),
+        Camera::look_at(eye.clone(), [0.1, 0.0, 0.0]).with_fov_y(35.0),
     ];
     World {
         offset,
@@ -93,7 +93,10 @@ impl World {
 }
 
 fn options() -> RenderOptions {
-    RenderOptions::new(12, 10).samples(4).bounces(1).seed(5)
+    RenderOptions::new(12, 10)
+        .with_samples(4)
+        .with_bounces(1)
+        .with_seed(5)
 }
 
 /// A loss that looks at everything, with another weight for every pixel.
@@ -177,7 +180,7 @@ fn a_batch_is_its_views_one_by_one() {
 fn in_tensors_too() {
     let device = Device::flex();
     let softmax = Visibility::softmax(1e-2, 1e-2);
-    batch_and_views(&everything().visibility(softmax), &device, 1e-12);
+    batch_and_views(&everything().with_visibility(softmax), &device, 1e-12);
 }
 
 #[cfg(feature = "ndarray")]
@@ -201,17 +204,17 @@ fn deformed(options: &RenderOptions, together: bool) -> [Vec<f64>; 3] {
     let scene = |i: usize, mesh: Mesh| {
         let albedo = albedos.clone().slice([i..i + 1]).reshape([3]);
         Scene::new()
-            .with(ground(&device))
-            .with(
+            .with_object(ground(&device))
+            .with_object(
                 Object::new(mesh)
-                    .named("body")
-                    .material(Material::diffuse(albedo)),
+                    .with_name("body")
+                    .with_material(Material::diffuse(albedo)),
             )
-            .with(lamp(&device, [6.0; 3]))
+            .with_object(lamp(&device, [6.0; 3]))
     };
     let cameras = [
-        Camera::look_at([0.0, 1.0, 4.0], [0.0; 3]).fov_y(40.0),
-        Camera::look_at([3.0, 1.0, 1.0], [0.0; 3]).fov_y(50.0),
+        Camera::look_at([0.0, 1.0, 4.0], [0.0; 3]).with_fov_y(40.0),
+        Camera::look_at([3.0, 1.0, 1.0], [0.0; 3]).with_fov_y(50.0),
     ];
     let mut images = Vec::new();
     if together {
@@ -244,7 +247,7 @@ fn deformed(options: &RenderOptions, together: bool) -> [Vec<f64>; 3] {
 fn a_deformed_template() {
     let forms = [Visibility::default(), Visibility::softmax(1e-2, 1e-2)];
     for form in forms {
-        let options = options().visibility(form);
+        let options = options().with_visibility(form);
         let (together, alone) = (deformed(&options, true), deformed(&options, false));
         let names = ["images", "scales", "albedos"];
         // Boxes are fitted in one and built in the other: triangles are met in another order.
@@ -262,12 +265,12 @@ fn views_of_a_scene_share_its_hierarchy() {
     let view = |i: usize| {
         let angle = i as f64;
         let eye = [4.0 * angle.sin(), 0.5, 4.0 * angle.cos()];
-        Camera::look_at(eye, [0.0; 3]).fov_y(40.0)
+        Camera::look_at(eye, [0.0; 3]).with_fov_y(40.0)
     };
     let cameras = (0..7).map(view).collect();
     let cache = HierarchyCache::default();
     let batch = Batch::new(vec![scene], cameras).expect("a batch");
-    let options = RenderOptions::new(8, 8).samples(1).cache(&cache);
+    let options = RenderOptions::new(8, 8).with_samples(1).with_cache(&cache);
     let images = render_batch(&batch, &options).expect("images");
     assert_eq!(images.len(), 7);
     assert_eq!(cache.counts(), [1, 0]);
@@ -282,7 +285,7 @@ fn out_of_sight_is_a_gradient_of_zero() {
     let scene = under_sky(ball);
     let camera = Camera::look_at([0.0, 0.0, 9.0], [0.0, 0.0, 18.0]);
     let batch = Batch::new(vec![scene; 2], vec![camera]).expect("a batch");
-    let options = RenderOptions::new(4, 4).samples(1).bounces(0);
+    let options = RenderOptions::new(4, 4).with_samples(1).with_bounces(0);
     let images = render_batch(&batch, &options).expect("images");
     let gradients = images.radiance.sum().backward();
     assert_eq!(gradient(&offset, &gradients), [0.0; 3]);
@@ -293,8 +296,8 @@ fn what_is_wrong_is_named() {
     let device = Device::flex();
     let ball = shapes::icosphere(0, &device);
     let scene = Scene::new()
-        .with(Object::new(ball.clone()).named("ball"))
-        .environment([1.0; 3]);
+        .with_object(Object::new(ball.clone()).with_name("ball"))
+        .with_environment([1.0; 3]);
     let camera = on_axis(4.0);
     let batch = Batch::new(vec![scene.clone(); 2], vec![camera.clone(); 3]);
     assert!(message(batch).contains("3 for 2 scenes"));
@@ -372,7 +375,7 @@ fn mistakes_are_told() {
         || batch()?.with_vertices("ball", vertices([1, 12, 3])),
     );
     all.expect("a scene of a batch", &["scene 1", "ball", "NaN"], || {
-        let bad = told::ball().velocity([f64::NAN, 0.0, 0.0]);
+        let bad = told::ball().with_velocity([f64::NAN, 0.0, 0.0]);
         render_batch(
             &Batch::new(
                 vec![told::lit(told::ball()), told::lit(bad)],
@@ -382,7 +385,7 @@ fn mistakes_are_told() {
         )
     });
     all.expect("a view of a batch", &["view 1", "fov_y"], || {
-        let views = vec![told::camera(), told::camera().fov_y(200.0)];
+        let views = vec![told::camera(), told::camera().with_fov_y(200.0)];
         render_batch(
             &Batch::new(vec![told::lit(told::ball())], views)?,
             &told::small(),

@@ -17,10 +17,10 @@ fn scene(device: &Device) -> Scene {
     let cube = shapes::cube(device).scaled(Tensor::from_floats([0.3, 0.6, 0.4], device));
     let cube = cube.translated(Tensor::from_floats([-0.6, 0.6, 0.0], device));
     Scene::new()
-        .with(diffuse(floor, [0.4, 0.3, 0.2]))
-        .with(diffuse(ball, [0.2, 0.3, 0.8]))
-        .with(diffuse(cube, [0.8, 0.3, 0.2]))
-        .environment([0.8, 0.9, 1.0])
+        .with_object(diffuse(floor, [0.4, 0.3, 0.2]))
+        .with_object(diffuse(ball, [0.2, 0.3, 0.8]))
+        .with_object(diffuse(cube, [0.8, 0.3, 0.2]))
+        .with_environment([0.8, 0.9, 1.0])
 }
 
 fn image(camera: &Camera, options: &RenderOptions) -> Vec<f64> {
@@ -29,7 +29,7 @@ fn image(camera: &Camera, options: &RenderOptions) -> Vec<f64> {
 }
 
 fn options() -> RenderOptions {
-    RenderOptions::new(24, 16).samples(16).bounces(0)
+    RenderOptions::new(24, 16).with_samples(16).with_bounces(0)
 }
 
 #[track_caller]
@@ -56,20 +56,22 @@ fn pose_of(eye: glam::DVec3, target: glam::DVec3) -> glam::DMat4 {
 #[test]
 fn a_matrix_is_a_pose() {
     let (eye, target) = (glam::dvec3(1.0, 2.0, 4.0), glam::dvec3(0.1, 0.4, 0.0));
-    let wanted = Camera::look_at(eye, target).fov_y(35.0);
+    let wanted = Camera::look_at(eye, target).with_fov_y(35.0);
     let pose = pose_of(eye, target);
-    let from_numbers = Camera::from_matrix(pose).expect("a camera").fov_y(35.0);
+    let from_numbers = Camera::from_matrix(pose)
+        .expect("a camera")
+        .with_fov_y(35.0);
     same(&wanted, &from_numbers);
     let flat: Vec<f64> = pose.transpose().to_cols_array().to_vec();
     let tensor = Tensor::<1>::from_data(flat.as_slice(), &Device::flex());
     let from_tensor = Camera::from_matrix(tensor.reshape([4, 4])).expect("a camera");
-    same(&wanted, &from_tensor.fov_y(35.0));
+    same(&wanted, &from_tensor.with_fov_y(35.0));
 }
 
 #[test]
 fn a_calibration_is_a_camera() {
     let (eye, target) = (glam::dvec3(1.0, 2.0, 4.0), glam::dvec3(0.1, 0.4, 0.0));
-    let wanted = Camera::look_at(eye, target).fov_y(35.0);
+    let wanted = Camera::look_at(eye, target).with_fov_y(35.0);
     // To OpenCV's axes: y down, z forward.
     let view = pose_of(eye, target).inverse();
     let turned = glam::DMat4::from_scale(glam::dvec3(1.0, -1.0, -1.0)) * view;
@@ -80,7 +82,9 @@ fn a_calibration_is_a_camera() {
     let camera = |k| Camera::from_intrinsics(k, rotation, translation, [24, 16]).expect("one");
     same(&wanted, &camera(k(12.0, 8.0)));
     // A principal point 4 pixels further right and 3 up shows the same, moved by as much.
-    let fixed = options().sampling(Sampling::default()).samples(64);
+    let fixed = options()
+        .with_sampling(Sampling::default())
+        .with_samples(64);
     let centerd = image(&camera(k(12.0, 8.0)), &fixed);
     let moved = image(&camera(k(16.0, 5.0)), &fixed);
     let at = |i: &[f64], x: usize, y: usize| i[3 * (24 * y + x)];
@@ -132,12 +136,12 @@ fn parallel_rays_keep_sizes() {
     let quad = facing_front([-0.5, 0.5], [-0.5, 0.5], 0.0, &device);
     let scene = under_sky(quad);
     let options = RenderOptions::new(32, 16)
-        .samples(16)
-        .bounces(0)
+        .with_samples(16)
+        .with_bounces(0)
         .with_opacity()
         .with_depth();
     for distance in [1.0, 5.0, 50.0] {
-        let camera = Camera::look_at([0.0, 0.0, distance], [0.0; 3]).orthographic(2.0);
+        let camera = Camera::look_at([0.0, 0.0, distance], [0.0; 3]).with_orthographic(2.0);
         let image = render(&scene, &camera, &options).expect("an image");
         let opacity = values(&image.opacity.expect("it"));
         let depth = values(&image.depth.expect("it"));
@@ -150,13 +154,13 @@ fn parallel_rays_keep_sizes() {
         assert!((depth[5 * 32 + 13] - distance).abs() < 1e-4 * distance);
     }
     // What is behind the plane of the eye is not seen.
-    let camera = Camera::look_at([0.0, 0.0, -1.0], [0.0, 0.0, -2.0]).orthographic(2.0);
+    let camera = Camera::look_at([0.0, 0.0, -1.0], [0.0, 0.0, -2.0]).with_orthographic(2.0);
     let image = render(&scene, &camera, &options).expect("an image");
     let opacity = values(&image.opacity.expect("it"));
     assert!(opacity.iter().all(|&o| o == 0.0));
     let lens = Camera::look_at([0.0, 0.0, 2.0], [0.0; 3])
-        .orthographic(2.0)
-        .thin_lens(0.1, 2.0);
+        .with_orthographic(2.0)
+        .with_thin_lens(0.1, 2.0);
     let error = render(&scene, &lens, &options).expect_err("a lens");
     assert!(error.to_string().contains("parallel rays"), "{error}");
 }
@@ -168,11 +172,11 @@ fn depth_along_the_axis() {
     let wall = shapes::plane_grid(40.0, 40.0, 1, 1, &device);
     let scene = under_sky(wall);
     let camera = Camera::look_at([0.0, 3.0, 0.0], [0.0; 3])
-        .up([0.0, 0.0, -1.0])
-        .fov_y(60.0);
+        .with_up([0.0, 0.0, -1.0])
+        .with_fov_y(60.0);
     let options = RenderOptions::new(24, 16)
-        .samples(16)
-        .bounces(0)
+        .with_samples(16)
+        .with_bounces(0)
         .with_depth();
     let depth = render(&scene, &camera, &options).expect("an image").depth;
     let depth = depth.expect("it");
@@ -191,7 +195,7 @@ fn framing_has_all_in_view_and_no_more() {
         let scene = under_sky(shapes::icosphere(2, &device).scaled(scale));
         for direction in [[0.0, 0.0, 1.0], [0.0, 5.0, 0.0], [-2.0, -1.0, 0.5]] {
             let camera = Camera::framing(&scene, direction).expect("a camera");
-            let options = RenderOptions::new(64, 64).samples(4).bounces(0);
+            let options = RenderOptions::new(64, 64).with_samples(4).with_bounces(0);
             let image = render(&scene, &camera, &options.with_opacity()).expect("an image");
             let opacity = values(&image.opacity.expect("it"));
             let on_border = |i: &usize| {
@@ -229,14 +233,14 @@ fn an_overview_looks_in_where_a_scene_is_open() {
     let camera = overview(&cornell).expect("a camera");
     let eye = camera.eye.values().expect("numbers");
     assert!(eye[2] < -1.0, "{eye:?}");
-    let options = RenderOptions::new(24, 24).samples(16).bounces(2);
+    let options = RenderOptions::new(24, 24).with_samples(16).with_bounces(2);
     let brightness = |scene: &Scene, camera: &Camera| {
         let pixels = radiance(scene, camera, &options);
         pixels.iter().filter(|&&v| v > 0.02).count() as f64 / pixels.len() as f64
     };
     assert!(brightness(&cornell, &camera) > 0.5);
-    let room = Scene::new().with(Object::new(shapes::cube(&device)));
-    let room = room.with(lamp(0.3, 0.9, [5.0; 3], &device));
+    let room = Scene::new().with_object(Object::new(shapes::cube(&device)));
+    let room = room.with_object(lamp(0.3, 0.9, [5.0; 3], &device));
     let camera = overview(&room).expect("a camera");
     assert!(brightness(&room, &camera) > 0.9);
     // An object under a sky is seen from the front, a little above.

@@ -19,12 +19,15 @@ fn same(value: &dyn Debug, expected: &str) {
 #[test]
 fn scenes_are_read_object_by_object() {
     let ball = ball()
-        .material(Material::diffuse([0.3, 0.4, 0.5]).named("red"))
-        .velocity(leaf(row([1.0, 0.0, 0.5])));
+        .with_material(Material::diffuse([0.3, 0.4, 0.5]).with_name("red"))
+        .with_velocity(leaf(row([1.0, 0.0, 0.5])));
     let cube = Object::new(shapes::cube(&flex()).translated(leaf(row([0.0; 3]))))
-        .named("box")
-        .material(Material::phong([0.0; 3], [0.5; 3], row([9.0])));
-    let scene = Scene::new().with(ball).with(cube).environment([0.1; 3]);
+        .with_name("box")
+        .with_material(Material::phong([0.0; 3], [0.5; 3], row([9.0])));
+    let scene = Scene::new()
+        .with_object(ball)
+        .with_object(cube)
+        .with_environment([0.1; 3]);
     let ball = r#""ball": Mesh { 12 vertices, 20 faces, on flex }, Material "red" { diffuse: [0.3, 0.4, 0.5] }, velocity [1.0, 0.0, 0.5] in the graph"#;
     let cube = r#""box": Mesh { 8 vertices in the graph, 12 faces, on flex }, Material "material" { diffuse: [0.0, 0.0, 0.0], specular: [0.5, 0.5, 0.5], shininess: 9.0 }"#;
     let line = format!("Scene {{ objects: [{ball}, {cube}], environment: [0.1, 0.1, 0.1] }}");
@@ -34,7 +37,7 @@ fn scenes_are_read_object_by_object() {
          environment: [0.1, 0.1, 0.1],\n}}"
     );
     assert_eq!(format!("{scene:#?}"), lines);
-    let many = (0..40).fold(Scene::new(), |s, _| s.with(common::told::ball()));
+    let many = (0..40).fold(Scene::new(), |s, _| s.with_object(common::told::ball()));
     let shown = format!("{many:?}");
     assert!(
         shown.contains("and 8 more objects]") && shown.len() < 5000,
@@ -45,13 +48,13 @@ fn scenes_are_read_object_by_object() {
 #[test]
 fn parts_of_scenes() {
     same(
-        &camera().thin_lens(0.1, 4.0),
+        &camera().with_thin_lens(0.1, 4.0),
         "Camera { eye: [0.3, 0.4, 4.0], target: [0.0, 0.0, 0.0], up: [0.0, 1.0, 0.0], \
          projection: Perspective { fov_y: 40.0 }, \
          lens: Some(ThinLens { aperture_radius: 0.1, focus_distance: 4.0 }) }",
     );
     same(
-        &Material::emitter([2.0; 3]).named("lamp"),
+        &Material::emitter([2.0; 3]).with_name("lamp"),
         r#"Material "lamp" { diffuse: [0.0, 0.0, 0.0], emission: [2.0, 2.0, 2.0] }"#,
     );
     let texels = Tensor::<3>::ones([2, 4, 3], &flex());
@@ -61,10 +64,10 @@ fn parts_of_scenes() {
     );
     let map = Environment::map(leaf(texels));
     same(&map, "map [2, 4, 3] on flex in the graph");
-    let moved = Transform::new().translation(row([1.0, 2.0, 3.0]));
+    let moved = Transform::new().with_translation(row([1.0, 2.0, 3.0]));
     same(&moved, "Transform { translation: [1.0, 2.0, 3.0] }");
     same(
-        &Transform::new().quaternion(row([1.0, 0.0, 0.0, 0.0])),
+        &Transform::new().with_quaternion(row([1.0, 0.0, 0.0, 0.0])),
         "Transform { rotation: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] }",
     );
 }
@@ -131,7 +134,7 @@ fn what_is_malformed_is_shown() {
     let albedo: ColorTexture = row([0.5; 4]).into();
     same(&albedo, "a tensor of shape [4], not [3]");
     same(
-        &Material::emitter(row([])).named("lamp"),
+        &Material::emitter(row([])).with_name("lamp"),
         r#"Material "lamp" { diffuse: [0.0, 0.0, 0.0], emission: a tensor of shape [0], not [3] }"#,
     );
     let image = HostImage {
@@ -143,7 +146,7 @@ fn what_is_malformed_is_shown() {
         &image,
         "HostImage { width: 9, height: 9, pixels: 13 numbers, none of them finite }",
     );
-    let wrong = Transform::new().scale(row([1.0, 2.0]));
+    let wrong = Transform::new().with_scale(row([1.0, 2.0]));
     same(
         &wrong,
         r#"Transform { mistake: Mistake { found: "a scale of shape [2]", expected: "[1] or [3]" } }"#,

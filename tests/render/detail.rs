@@ -10,8 +10,8 @@ use crate::common::tensors::{radiance, tensor};
 pub const ENGINES: [Engine; 2] = [Engine::Kernels, Engine::Tensors];
 
 pub fn options(engine: Engine) -> RenderOptions {
-    let options = RenderOptions::new(24, 24).samples(16).bounces(1);
-    options.engine(engine).seed(3)
+    let options = RenderOptions::new(24, 24).with_samples(16).with_bounces(1);
+    options.with_engine(engine).with_seed(3)
 }
 
 pub fn constant<const D: usize>(values: &[f64], shape: [usize; D]) -> Tensor<D> {
@@ -26,13 +26,13 @@ pub fn lit(wall: Object) -> (Scene, Camera) {
         [4.0, 3.5, 3.0],
     );
     let scene = Scene::new()
-        .with(wall)
-        .with(lamp)
-        .with(diffuse(floor(3.0, -1.2, &device), [0.5, 0.4, 0.3]))
-        .environment([0.2, 0.25, 0.3]);
+        .with_object(wall)
+        .with_object(lamp)
+        .with_object(diffuse(floor(3.0, -1.2, &device), [0.5, 0.4, 0.3]))
+        .with_environment([0.2, 0.25, 0.3]);
     (
         scene,
-        Camera::look_at([0.3, 0.4, 4.5], [0.0; 3]).fov_y(36.0),
+        Camera::look_at([0.3, 0.4, 4.5], [0.0; 3]).with_fov_y(36.0),
     )
 }
 
@@ -80,7 +80,7 @@ pub fn ball() -> Mesh {
 
 /// A mask that is open where u is under ½.
 pub fn half_open(material: Material) -> Material {
-    let mut material = material.alpha_mask(constant(&[0.0, 1.0], [1, 2]), 0.5);
+    let mut material = material.with_alpha_mask(constant(&[0.0, 1.0], [1, 2]), 0.5);
     if let Some(mask) = &mut material.alpha_mask {
         mask.wrap = Wrap::Clamp;
     }

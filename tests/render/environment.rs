@@ -25,7 +25,7 @@ fn sky(f: impl Fn(usize, usize) -> [f64; 3], dtype: DType) -> Environment {
 
 fn ball(material: Material, dtype: DType) -> Scene {
     let mesh = shapes::icosphere(2, &Device::flex()).cast(dtype);
-    Scene::new().with(Object::new(mesh).material(material))
+    Scene::new().with_object(Object::new(mesh).with_material(material))
 }
 
 /// A dim sky with a sun of two texels.
@@ -38,12 +38,12 @@ fn sunny(y: usize, x: usize) -> [f64; 3] {
 }
 
 fn of(scene: &Scene, sampling: Sampling, samples: u32, seed: u64) -> Vec<f64> {
-    let camera = on_axis(4.0).fov_y(40.0);
+    let camera = on_axis(4.0).with_fov_y(40.0);
     let options = RenderOptions::new(16, 16)
-        .samples(samples)
-        .bounces(1)
-        .sampling(sampling)
-        .seed(seed);
+        .with_samples(samples)
+        .with_bounces(1)
+        .with_sampling(sampling)
+        .with_seed(seed);
     radiance(scene, &camera, &options)
 }
 
@@ -59,11 +59,13 @@ fn a_map_has_its_orientation() {
         &Device::flex(),
     );
     let scene = Scene::new()
-        .with(Object::new(tiny))
-        .environment(sky(f, DType::F32));
+        .with_object(Object::new(tiny))
+        .with_environment(sky(f, DType::F32));
     let towards = |d: [f64; 3]| {
-        let camera = Camera::look_at([0.0; 3], d).up([0.1, 0.7, 0.3]).fov_y(0.5);
-        let options = RenderOptions::new(1, 1).samples(16).bounces(0);
+        let camera = Camera::look_at([0.0; 3], d)
+            .with_up([0.1, 0.7, 0.3])
+            .with_fov_y(0.5);
+        let options = RenderOptions::new(1, 1).with_samples(16).with_bounces(0);
         radiance(&scene, &camera, &options)
     };
     for (direction, expected) in [
@@ -98,12 +100,12 @@ fn a_uniform_map_is_a_constant() {
     let texels = leaf(vec![0.8; 384], [8, 16, 3]);
     let constant = tensor(&[0.8; 3], [3], DType::F64).autodiff().require_grad();
     let image = |environment: Environment, sampling| {
-        let scene = ball(material.clone(), DType::F64).environment(environment);
-        let camera = on_axis(4.0).fov_y(40.0);
+        let scene = ball(material.clone(), DType::F64).with_environment(environment);
+        let camera = on_axis(4.0).with_fov_y(40.0);
         let options = RenderOptions::new(8, 8)
-            .samples(64)
-            .bounces(2)
-            .sampling(sampling);
+            .with_samples(64)
+            .with_bounces(2)
+            .with_sampling(sampling);
         render(&scene, &camera, &options)
             .expect("an image")
             .radiance
@@ -126,7 +128,7 @@ fn a_uniform_map_is_a_constant() {
 #[test]
 fn a_white_ball_vanishes_in_a_uniform_map() {
     let white = sky(|_, _| [1.0; 3], DType::F32);
-    let scene = ball(Material::diffuse([1.0; 3]), DType::F32).environment(white);
+    let scene = ball(Material::diffuse([1.0; 3]), DType::F32).with_environment(white);
     let image = of(&scene, Sampling::default(), 256, 1);
     assert!((mean(&image) - 1.0).abs() < 0.005, "{}", mean(&image));
 }
@@ -140,7 +142,7 @@ fn a_sun_is_found() {
         // The BSDF alone finds so large a sun well.
         (Material::phong([0.1; 3], [0.8; 3], 300.0), 0.85),
     ] {
-        let scene = ball(material, DType::F32).environment(sky(sunny, DType::F32));
+        let scene = ball(material, DType::F32).with_environment(sky(sunny, DType::F32));
         let expected = of(&scene, Sampling::paper(), 4096, 2);
         let noise = |sampling| {
             let image = of(&scene, sampling, 64, 3);
@@ -158,15 +160,15 @@ fn a_sun_is_found() {
 fn gradients_are_those_of_differences() {
     // √σ is a thirtieth of an edge. At a tenth the hard order of the faces of a glossy ball takes 22 %
     // off the gradient of its shape, and 11 % off the eye's (docs/VISIBILITY.md).
-    let options = RenderOptions::new(8, 8).samples(16).bounces(1);
+    let options = RenderOptions::new(8, 8).with_samples(16).with_bounces(1);
     let precision = if common::long() { 0.01 } else { 0.1 };
     let settings = GradCheck::new(options, &Device::flex())
-        .precision(precision)
-        .tolerance(0.02)
-        .seeds(32, if common::long() { 20_000 } else { 1000 });
+        .with_precision(precision)
+        .with_tolerance(0.02)
+        .with_seeds(32, if common::long() { 20_000 } else { 1000 });
     let parameters = [
         Checked::new("texel", [1.0], 0.5),
-        Checked::new("eye", [0.0, 0.3, 4.0], 0.02).along([1.0, 0.4, 0.2]),
+        Checked::new("eye", [0.0, 0.3, 4.0], 0.02).with_direction([1.0, 0.4, 0.2]),
         Checked::new("stretch", [1.0], 0.02),
         Checked::new("albedo", [0.4], 0.1),
     ];
@@ -186,7 +188,7 @@ fn gradients_are_those_of_differences() {
         let gloss = Material::phong(point.get("albedo")?.expand([3]), [0.3; 3], 10.0);
         let scene = ball(gloss, point.dtype).map_object("object", |o| o)?;
         let stretch = point.get("stretch")?;
-        let mut scene = scene.environment(Environment::map(texels));
+        let mut scene = scene.with_environment(Environment::map(texels));
         for object in &mut scene.objects {
             let m = object.mesh.clone();
             let x = m.vertices.clone().narrow(1, 0, 1) * stretch.clone().reshape([1, 1]);
@@ -195,7 +197,7 @@ fn gradients_are_those_of_differences() {
         }
         Ok((
             scene,
-            Camera::look_at(point.get("eye")?, [0.0; 3]).fov_y(40.0),
+            Camera::look_at(point.get("eye")?, [0.0; 3]).with_fov_y(40.0),
         ))
     })
     .expect("a report");
@@ -206,7 +208,7 @@ fn gradients_are_those_of_differences() {
 #[test]
 fn a_bad_map_is_named() {
     let of = |environment: Environment| {
-        let scene = ball(Material::default(), DType::F32).environment(environment);
+        let scene = ball(Material::default(), DType::F32).with_environment(environment);
         message(render(&scene, &on_axis(4.0), &RenderOptions::new(2, 2)))
     };
     let nan = of(sky(
@@ -231,9 +233,9 @@ fn maps_of_files_are_the_texels_in_them() {
     host.write(folder.path("sky.exr")).expect("a file");
     let object = ball(Material::diffuse([0.8, 0.6, 0.4]), DType::F32);
     object.write(folder.path("ball.obj")).expect("a file");
-    let options = RenderOptions::new(8, 8).samples(16).bounces(1);
-    let camera = on_axis(4.0).fov_y(40.0);
-    let lit = object.environment(sky(sunny, DType::F32));
+    let options = RenderOptions::new(8, 8).with_samples(16).with_bounces(1);
+    let camera = on_axis(4.0).with_fov_y(40.0);
+    let lit = object.with_environment(sky(sunny, DType::F32));
     let expected = radiance(&lit, &camera, &options);
     // Radiance has 8 bits of each number beside an exponent that all three share: 60, 55, 45 are whole there.
     for (file, tolerance) in [("sky.hdr", 0.005), ("sky.exr", 1e-6)] {

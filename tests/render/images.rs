@@ -43,10 +43,10 @@ pub fn image(
 ) -> HostImage {
     let file = scene_file(name, device);
     let options = RenderOptions::new(file.width, file.height)
-        .samples(samples)
-        .bounces(bounces)
-        .visibility(visibility)
-        .seed(seed);
+        .with_samples(samples)
+        .with_bounces(bounces)
+        .with_visibility(visibility)
+        .with_seed(seed);
     let image = render(&file.scene, &file.camera, &options).expect("an image");
     HostImage::from_tensor(&image.radiance).expect("values")
 }

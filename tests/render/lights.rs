@@ -16,14 +16,14 @@ const ALBEDO: f64 = 0.6;
 /// A floor seen from straight above, under whatever hides its light: a window of one unit about the origin.
 fn from_above() -> Camera {
     Camera::look_at([0.0, 0.5, 0.0], [0.0; 3])
-        .up([0.0, 0.0, -1.0])
-        .orthographic(1.0)
+        .with_up([0.0, 0.0, -1.0])
+        .with_orthographic(1.0)
 }
 
 fn lit_floor(light: Light, device: &Device) -> Scene {
     Scene::new()
-        .with(diffuse(floor(4.0, 0.0, device), [ALBEDO; 3]))
-        .light(light)
+        .with_object(diffuse(floor(4.0, 0.0, device), [ALBEDO; 3]))
+        .with_light(light)
 }
 
 /// Pixel by pixel, for the engine of kernels and that of tensors, with and without cones.
@@ -37,10 +37,10 @@ fn brings(light: Light, irradiance: impl Fn(DVec3) -> f64) {
         (Engine::Auto, Visibility::softmax(1e-4, 1e-3)),
     ] {
         let options = RenderOptions::new(size, size)
-            .samples(64)
-            .bounces(0)
-            .visibility(visibility)
-            .engine(engine);
+            .with_samples(64)
+            .with_bounces(0)
+            .with_visibility(visibility)
+            .with_engine(engine);
         let found = radiance(&lit_floor(light.clone(), &device), &from_above(), &options);
         for (i, pixel) in found.chunks_exact(3).enumerate() {
             let at =
@@ -95,12 +95,12 @@ fn the_edge_of_a_shadow_moves_with_what_casts_it_and_with_the_light() {
         let (shift, place) = (leaf(&[0.0; 3], &device), leaf(&[0.0, 2.0, 0.0], &device));
         let plate = facing_down([edge, 3.0], [-3.0, 3.0], 0.5 * height, &device);
         let scene = lit_floor(Light::point(place.clone(), [strength; 3]), &device)
-            .with(diffuse(plate.translated(shift.clone()), [0.0; 3]));
+            .with_object(diffuse(plate.translated(shift.clone()), [0.0; 3]));
         let options = RenderOptions::new(8, 8)
-            .samples(64)
-            .bounces(0)
-            .visibility(Visibility::cone(0.03))
-            .seed(seed);
+            .with_samples(64)
+            .with_bounces(0)
+            .with_visibility(Visibility::cone(0.03))
+            .with_seed(seed);
         let image = render(&scene, &from_above(), &options).expect("an image");
         let gradients = image.radiance.mean().backward();
         [
@@ -180,8 +180,8 @@ fn an_emissive_texture_lights_as_its_pieces_do() {
     let uvs = Tensor::<1>::from_floats(uvs.as_slice(), &device).reshape([4, 2]);
     let wrap = Wrap::Clamp;
     let whole = Object::new(lamp.with_uvs(uvs))
-        .material(Material::emitter(ColorTexture::Texture { texels, wrap }));
-    let floor = || Scene::new().with(diffuse(floor(4.0, 0.0, &device), [ALBEDO; 3]));
+        .with_material(Material::emitter(ColorTexture::Texture { texels, wrap }));
+    let floor = || Scene::new().with_object(diffuse(floor(4.0, 0.0, &device), [ALBEDO; 3]));
     let mut cut = floor();
     let place = |i: i32| 2.0 * half * f64::from(i) / f64::from(pieces) - half;
     let middle = |i: i32| (f64::from(i) + 0.5) / f64::from(pieces);
@@ -193,18 +193,18 @@ fn an_emissive_texture_lights_as_its_pieces_do() {
             0.7,
             &device,
         );
-        cut = cut.with(emitting(piece, texel_at(middle(x), middle(z))));
+        cut = cut.with_object(emitting(piece, texel_at(middle(x), middle(z))));
     }
     for visibility in [Visibility::cone(0.0), Visibility::cone(0.05)] {
         let image = |scene: &Scene, seed| {
             let options = RenderOptions::new(6, 6)
-                .samples(if common::long() { 16384 } else { 2048 })
-                .bounces(0)
-                .visibility(visibility)
-                .seed(seed);
+                .with_samples(if common::long() { 16384 } else { 2048 })
+                .with_bounces(0)
+                .with_visibility(visibility)
+                .with_seed(seed);
             radiance(scene, &from_above(), &options)
         };
-        let whole = floor().with(whole.clone());
+        let whole = floor().with_object(whole.clone());
         let (found, wanted) = (image(&whole, 1), image(&cut, 2));
         let noise = rmse(&found, &image(&whole, 3)).hypot(rmse(&wanted, &image(&cut, 4)));
         let (apart, mean) = (rmse(&found, &wanted), mean(&wanted));

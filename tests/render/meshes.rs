@@ -80,7 +80,7 @@ fn numbers_do_what_tensors_do() {
             ),
             (
                 mesh().rotated([0.0, 0.0, 3e30], -0.7),
-                mesh().transformed(&Transform::new().axis_angle([0.0, 0.0, 1.0], t(&[-0.7]))),
+                mesh().transformed(&Transform::new().with_axis_angle([0.0, 0.0, 1.0], t(&[-0.7]))),
             ),
         ];
         for (numbers, tensors) in pairs {
@@ -131,7 +131,7 @@ fn scaled_normals_are_those_of_the_surface() {
             close(&unit(normals(&mesh)), &unit(mesh.vertices.clone()), 1e-12);
             assert!(volume(&mesh) > 0.0);
         }
-        let mesh = globe().transformed(&Transform::new().scale(tensor));
+        let mesh = globe().transformed(&Transform::new().with_scale(tensor));
         close(&unit(normals(&mesh)), &unit(mesh.vertices.clone()), 1e-12);
         assert!(volume(&mesh) > 0.0);
     }
@@ -332,11 +332,11 @@ fn lit(mesh: Mesh, material: Material) -> Vec<f64> {
     let [a, b, c, d] = lamp;
     let lamp = emitting(shapes::quad(d, c, b, a, &device), [4.0; 3]);
     let scene = Scene::new()
-        .with(Object::new(mesh).material(material))
-        .with(lamp)
-        .environment([0.2; 3]);
-    let camera = Camera::look_at([0.0, 0.0, 5.0], [0.0; 3]).fov_y(22.0);
-    let options = RenderOptions::new(24, 24).samples(16).bounces(1);
+        .with_object(Object::new(mesh).with_material(material))
+        .with_object(lamp)
+        .with_environment([0.2; 3]);
+    let camera = Camera::look_at([0.0, 0.0, 5.0], [0.0; 3]).with_fov_y(22.0);
+    let options = RenderOptions::new(24, 24).with_samples(16).with_bounces(1);
     radiance(&scene, &camera, &options)
 }
 

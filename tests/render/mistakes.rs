@@ -39,8 +39,8 @@ fn devices_that_differ() {
         "objects on two devices",
         &["moon", "vertices", "ndarray", "flex", "to_device"],
         || {
-            let moon = Object::new(shapes::cube(&there)).named("moon");
-            render(&lit(ball()).with(moon), &camera(), &small())
+            let moon = Object::new(shapes::cube(&there)).with_name("moon");
+            render(&lit(ball()).with_object(moon), &camera(), &small())
         },
     );
     told.expect(
@@ -48,7 +48,7 @@ fn devices_that_differ() {
         &["ball", "diffuse", "ndarray", "flex", "to_device"],
         || {
             let albedo = Tensor::<1>::zeros([3], &there).autodiff().require_grad();
-            see(ball().material(Material::diffuse(albedo)))
+            see(ball().with_material(Material::diffuse(albedo)))
         },
     );
     told.expect(
@@ -61,7 +61,9 @@ fn devices_that_differ() {
         &["environment", "ndarray"],
         || {
             let map = Tensor::<3>::ones([2, 4, 3], &there);
-            let scene = Scene::new().with(ball()).environment(Environment::map(map));
+            let scene = Scene::new()
+                .with_object(ball())
+                .with_environment(Environment::map(map));
             render(&scene, &camera(), &small())
         },
     );
@@ -76,7 +78,7 @@ fn float_types_that_differ() {
         &["ball", "diffuse", "F64", "F32", "cast"],
         || {
             let albedo = row([0.5; 3]).cast(DType::F64);
-            see(ball().material(Material::diffuse(albedo)))
+            see(ball().with_material(Material::diffuse(albedo)))
         },
     );
 }
@@ -85,12 +87,16 @@ fn float_types_that_differ() {
 #[expect(clippy::too_many_lines, reason = "a list of mistakes")]
 fn scenes() {
     let mut told = Told::default();
-    told.expect("no objects", &["no objects", "Scene::with"], || {
-        render(&Scene::new().environment([1.0; 3]), &camera(), &small())
+    told.expect("no objects", &["no objects", "Scene::with_object"], || {
+        render(
+            &Scene::new().with_environment([1.0; 3]),
+            &camera(),
+            &small(),
+        )
     });
     told.expect("no faces", &["scene", "no faces"], || {
         let points = Mesh::new(shapes::cube(&flex()).vertices, Vec::new());
-        see(Object::new(points).named("cloud"))
+        see(Object::new(points).with_name("cloud"))
     });
     let mesh = |vertices: Tensor<2>| Mesh::new(vertices, vec![[0, 1, 2]]);
     told.expect("vertices [3, 2]", &["object", "[3, 2]", "[_, 3]"], || {
@@ -116,11 +122,13 @@ fn scenes() {
     told.expect(
         "a texture without coordinates",
         &["ball", "diffuse", "texture", "with_uvs"],
-        || see(ball().material(texture())),
+        || see(ball().with_material(texture())),
     );
     told.expect("too few coordinates", &["ball", "uvs", "under 5"], || {
         let uvs = Tensor::zeros([5, 2], &flex());
-        see(ball().map_mesh(|m| m.with_uvs(uvs)).material(texture()))
+        see(ball()
+            .map_mesh(|m| m.with_uvs(uvs))
+            .with_material(texture()))
     });
     told.expect("normals [12, 2]", &["normals", "[12, 2]", "[_, 3]"], || {
         see(ball().map_mesh(|m| m.with_normals(Tensor::ones([12, 2], &flex()))))
@@ -130,30 +138,30 @@ fn scenes() {
         &["diffuse", "[2, 2, 4]", "[H, W, 3]"],
         || {
             let rgba = Tensor::ones([2, 2, 4], &flex());
-            see(ball().material(Material::diffuse(ColorTexture::texture(rgba))))
+            see(ball().with_material(Material::diffuse(ColorTexture::texture(rgba))))
         },
     );
     told.expect("an RGBA color", &["diffuse", "[4]", "[3]"], || {
-        see(ball().material(Material::diffuse(row([0.5; 4]))))
+        see(ball().with_material(Material::diffuse(row([0.5; 4]))))
     });
     told.expect(
         "bytes for an albedo",
         &["diffuse is", "200", "at most 1"],
-        || see(ball().material(Material::diffuse([200.0, 100.0, 50.0]))),
+        || see(ball().with_material(Material::diffuse([200.0, 100.0, 50.0]))),
     );
     told.expect("a negative albedo", &["diffuse", "-0.5", "≥ 0"], || {
-        see(ball().material(Material::diffuse([-0.5, 0.5, 0.5])))
+        see(ball().with_material(Material::diffuse([-0.5, 0.5, 0.5])))
     });
     told.expect("a negative exponent", &["shininess", "-1", "≥ 0"], || {
-        see(ball().material(Material::phong([0.1; 3], [0.5; 3], -1.0)))
+        see(ball().with_material(Material::phong([0.1; 3], [0.5; 3], -1.0)))
     });
     told.expect("emission NaN", &["emission", "NaN", "finite"], || {
-        see(ball().material(Material::emitter([f64::NAN, 1.0, 1.0])))
+        see(ball().with_material(Material::emitter([f64::NAN, 1.0, 1.0])))
     });
     told.expect(
         "a velocity of two numbers",
         &["velocity", "[2]", "[3]"],
-        || see(ball().velocity(row([1.0, 2.0]))),
+        || see(ball().with_velocity(row([1.0, 2.0]))),
     );
     told.expect(
         "materials of faces",
@@ -178,7 +186,7 @@ fn scenes() {
         &["environment", "[2, 4, 4]"],
         || {
             let map = Environment::map(Tensor::ones([2, 4, 4], &flex()));
-            render(&lit(ball()).environment(map), &camera(), &small())
+            render(&lit(ball()).with_environment(map), &camera(), &small())
         },
     );
 }
@@ -191,7 +199,7 @@ fn names_and_transforms() {
         "map_object of a wrong name",
         &["map_object", "\"bal\"", "\"ball\""],
         || {
-            let scene = lit(ball()).map_object("bal", |o| o.velocity([1.0, 0.0, 0.0]))?;
+            let scene = lit(ball()).map_object("bal", |o| o.with_velocity([1.0, 0.0, 0.0]))?;
             render(&scene, &camera(), &small())
         },
     );
@@ -199,17 +207,17 @@ fn names_and_transforms() {
         "map_object of no object",
         &["map_object", "none to choose from"],
         || {
-            let scene = Scene::new().map_object("ball", |o| o)?.with(ball());
-            render(&scene.environment([1.0; 3]), &camera(), &small())
+            let scene = Scene::new().map_object("ball", |o| o)?.with_object(ball());
+            render(&scene.with_environment([1.0; 3]), &camera(), &small())
         },
     );
     told.expect(
         "a parameter of gradcheck",
         &["\"ofset\"", "\"offset\""],
         || {
-            let settings = GradCheck::new(small(), &flex()).seeds(2, 2);
+            let settings = GradCheck::new(small(), &flex()).with_seeds(2, 2);
             gradcheck(&[Checked::new("offset", [0.0; 3], 0.1)], &settings, |p| {
-                Ok((lit(ball().velocity(p.get("ofset")?)), camera()))
+                Ok((lit(ball().with_velocity(p.get("ofset")?)), camera()))
             })
         },
     );
@@ -218,7 +226,7 @@ fn names_and_transforms() {
         &["two parameters", "\"offset\""],
         || {
             let offset = || Checked::new("offset", [0.0; 3], 0.1);
-            let settings = GradCheck::new(small(), &flex()).seeds(2, 2);
+            let settings = GradCheck::new(small(), &flex()).with_seeds(2, 2);
             gradcheck(&[offset(), offset()], &settings, |_| {
                 Ok((lit(ball()), camera()))
             })
@@ -228,7 +236,7 @@ fn names_and_transforms() {
         "gradcheck of no parameters",
         &["parameters", "empty"],
         || {
-            let settings = GradCheck::new(small(), &flex()).seeds(2, 2);
+            let settings = GradCheck::new(small(), &flex()).with_seeds(2, 2);
             gradcheck(&[], &settings, |_| Ok((lit(ball()), camera())))
         },
     );
@@ -237,8 +245,8 @@ fn names_and_transforms() {
         &["only", "\"ofset\"", "\"offset\""],
         || {
             let settings = GradCheck::new(small(), &flex())
-                .seeds(2, 2)
-                .only(&["ofset"]);
+                .with_seeds(2, 2)
+                .with_parameters(&["ofset"]);
             gradcheck(&[Checked::new("offset", [0.0; 3], 0.1)], &settings, |p| {
                 let mesh = shapes::icosahedron(&p.device).cast(p.dtype);
                 let object = Object::new(mesh.translated(p.get("offset")?));
@@ -258,31 +266,31 @@ fn names_and_transforms() {
     told.expect(
         "a transform's translation",
         &["translation", "[2]", "[3]"],
-        || transformed(Transform::new().translation(row([1.0, 2.0]))),
+        || transformed(Transform::new().with_translation(row([1.0, 2.0]))),
     );
     told.expect(
         "a transform's scale",
         &["scale", "[2]", "[1] or [3]"],
-        || transformed(Transform::new().scale(row([1.0, 2.0]))),
+        || transformed(Transform::new().with_scale(row([1.0, 2.0]))),
     );
     told.expect(
         "a quaternion of three",
         &["quaternion", "[3]", "[4]"],
-        || transformed(Transform::new().quaternion(row([1.0, 0.0, 0.0]))),
+        || transformed(Transform::new().with_quaternion(row([1.0, 0.0, 0.0]))),
     );
     told.expect("six_d of four", &["six_d", "[4]", "[6]"], || {
-        transformed(Transform::new().six_d(row([1.0, 0.0, 0.0, 0.0])))
+        transformed(Transform::new().with_six_d(row([1.0, 0.0, 0.0, 0.0])))
     });
     told.expect("an angle of two numbers", &["angle", "[2]", "[1]"], || {
-        transformed(Transform::new().axis_angle([0.0, 1.0, 0.0], row([1.0, 0.0])))
+        transformed(Transform::new().with_axis_angle([0.0, 1.0, 0.0], row([1.0, 0.0])))
     });
     told.expect(
         "an axis of 0",
         &["axis", "[0.0, 0.0, 0.0]", "direction"],
-        || transformed(Transform::new().axis_angle([0.0; 3], row([1.0]))),
+        || transformed(Transform::new().with_axis_angle([0.0; 3], row([1.0]))),
     );
     told.expect("a quaternion of 0", &["ball", "NaN"], || {
-        transformed(Transform::new().quaternion(row([0.0; 4])))
+        transformed(Transform::new().with_quaternion(row([0.0; 4])))
     });
 }
 
@@ -296,11 +304,11 @@ fn cameras() {
         by(Camera::look_at([0.0, 4.0, 0.0], [0.0; 3]))
     });
     told.expect("up is 0", &["up", "[0, 0, 0]", "along the view"], || {
-        by(camera().up([0.0; 3]))
+        by(camera().with_up([0.0; 3]))
     });
     for fov in [0.0, 180.0, -3.0, f64::NAN] {
         told.expect("field of view", &["fov_y", "degrees in (0, 180)"], || {
-            by(camera().fov_y(fov))
+            by(camera().with_fov_y(fov))
         });
     }
     told.expect("eye is NaN", &["eye", "NaN", "finite"], || {
@@ -310,10 +318,10 @@ fn cameras() {
         by(Camera::look_at(row([0.0, 4.0]), [0.0; 3]))
     });
     told.expect("a negative aperture", &["aperture", "-1", "≥ 0"], || {
-        by(camera().thin_lens(-1.0, 4.0))
+        by(camera().with_thin_lens(-1.0, 4.0))
     });
     told.expect("a focus at 0", &["focus distance", "0", "> 0"], || {
-        by(camera().thin_lens(0.1, 0.0))
+        by(camera().with_thin_lens(0.1, 0.0))
     });
 }
 
@@ -324,25 +332,25 @@ fn options() {
         with(RenderOptions::new(0, 4))
     });
     told.expect("no samples", &["samples", "0", "at least 1"], || {
-        with(small().samples(0))
+        with(small().with_samples(0))
     });
     told.expect("negative blur", &["blur", "-0.1", "[0, 1.2)"], || {
-        with(small().blur(-0.1))
+        with(small().with_blur(-0.1))
     });
     told.expect("blur in degrees", &["blur", "5", "radians"], || {
-        with(small().blur(5.0))
+        with(small().with_blur(5.0))
     });
     told.expect("a wide cone", &["blur angle", "2", "radians"], || {
-        with(small().visibility(Visibility::cone(2.0)))
+        with(small().with_visibility(Visibility::cone(2.0)))
     });
     told.expect("blur of 0 for the softmax", &["sigma", "0", "> 0"], || {
-        with(small().visibility(Visibility::softmax(0.0, 1e-3)))
+        with(small().with_visibility(Visibility::softmax(0.0, 1e-3)))
     });
     told.expect("blur, softmax", &["blur", "SoftmaxOptions::sigma"], || {
         with(
             small()
-                .visibility(Visibility::softmax(1e-4, 1e-3))
-                .blur(0.1),
+                .with_visibility(Visibility::softmax(1e-4, 1e-3))
+                .with_blur(0.1),
         )
     });
     told.expect(
@@ -351,19 +359,19 @@ fn options() {
         || {
             with(
                 small()
-                    .visibility(Visibility::softmax(1e-4, 1e-3))
-                    .engine(Engine::Kernels),
+                    .with_visibility(Visibility::softmax(1e-4, 1e-3))
+                    .with_engine(Engine::Kernels),
             )
         },
     );
     told.expect("a pass too many", &["pass", "4 of 4", "less than"], || {
-        with(small().samples(8).pass(4, 4))
+        with(small().with_samples(8).with_pass(4, 4))
     });
     told.expect("uneven passes", &["pass", "0 of 3", "divides"], || {
-        with(small().samples(8).pass(0, 3))
+        with(small().with_samples(8).with_pass(0, 3))
     });
     told.expect("adaptive passes", &["pass", "adaptive"], || {
-        with(small().samples(64).adaptive().pass(0, 2))
+        with(small().with_samples(64).with_adaptive().with_pass(0, 2))
     });
     told.expect("too large", &["60000 × 60000", "memory_limit"], || {
         with(RenderOptions::new(60_000, 60_000))
@@ -377,6 +385,6 @@ fn options() {
         render_pixels(&lit(ball()), &camera(), &small(), &[])
     });
     told.expect("a cutoff of 1", &["cutoff", "1", "(0, 0.5)"], || {
-        with(small().visibility(SoftmaxOptions::new(1e-4, 1e-3).cutoff(1.0)))
+        with(small().with_visibility(SoftmaxOptions::new(1e-4, 1e-3).with_cutoff(1.0)))
     });
 }

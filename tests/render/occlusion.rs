@@ -23,16 +23,19 @@ fn both_triangles_of_a_light_shine_and_both_of_an_occluder_block() {
     let floor = facing_up([-6.0, 6.0], [-6.0, 6.0], 0.0, &device);
     let light = facing_down([-1.0, 1.0], [-1.0, 1.0], 2.0, &device);
     let open = Scene::new()
-        .with(Object::new(floor))
-        .with(emitting(light, [1.0; 3]));
+        .with_object(Object::new(floor))
+        .with_object(emitting(light, [1.0; 3]));
     // Far larger than the light, so that the whole shadow of a point below is umbra.
     let roof = facing_up([-3.0, 3.0], [-3.0, 3.0], 1.0, &device);
-    let roofed = open.clone().with(Object::new(roof));
+    let roofed = open.clone().with_object(Object::new(roof));
     // From below the roof, at the point under the middle of the light.
-    let camera = Camera::look_at([0.3, 0.8, 0.4], [0.0; 3]).fov_y(2.0);
+    let camera = Camera::look_at([0.3, 0.8, 0.4], [0.0; 3]).with_fov_y(2.0);
     let expected = 0.5 * square_above(1.0, 2.0);
     for angle in ANGLES {
-        let options = RenderOptions::new(8, 8).samples(256).bounces(0).blur(angle);
+        let options = RenderOptions::new(8, 8)
+            .with_samples(256)
+            .with_bounces(0)
+            .with_blur(angle);
         let lit = mean(&radiance(&open, &camera, &options));
         assert!(
             (lit / expected - 1.0).abs() < 0.015,
@@ -65,15 +68,15 @@ fn a_thin_wall_keeps_the_dark() {
     };
     for wall in [sheet, slab] {
         let scene = Scene::new()
-            .with(diffuse(room.clone(), [0.7; 3]))
-            .with(diffuse(wall, [0.7; 3]))
-            .with(emitting(lamp.clone(), [5.0; 3]));
-        let camera = |x: f64| Camera::look_at([x, 0.0, 1.5], [x, -0.5, -1.0]).fov_y(60.0);
+            .with_object(diffuse(room.clone(), [0.7; 3]))
+            .with_object(diffuse(wall, [0.7; 3]))
+            .with_object(emitting(lamp.clone(), [5.0; 3]));
+        let camera = |x: f64| Camera::look_at([x, 0.0, 1.5], [x, -0.5, -1.0]).with_fov_y(60.0);
         for angle in ANGLES {
             let options = RenderOptions::new(12, 12)
-                .samples(64)
-                .bounces(3)
-                .blur(angle);
+                .with_samples(64)
+                .with_bounces(3)
+                .with_blur(angle);
             let lit = mean(&radiance(&scene, &camera(-1.0), &options));
             let dark = mean(&radiance(&scene, &camera(1.0), &options));
             println!("{angle}: {lit} and {dark}");
@@ -126,15 +129,15 @@ fn standing_objects_neither_leak_nor_shadow_themselves() {
     for (name, mesh) in cases {
         let light = facing_down([-1.5, -0.5], [0.5, 1.5], 3.0, &device);
         let scene = Scene::new()
-            .with(gray(floor.clone()))
-            .with(gray(mesh))
-            .with(emitting(light, [9.0; 3]));
-        let camera = Camera::look_at([0.4, 2.5, 4.0], [0.0, 0.4, 0.0]).fov_y(45.0);
+            .with_object(gray(floor.clone()))
+            .with_object(gray(mesh))
+            .with_object(emitting(light, [9.0; 3]));
+        let camera = Camera::look_at([0.4, 2.5, 4.0], [0.0, 0.4, 0.0]).with_fov_y(45.0);
         let at = |angle| {
             let options = RenderOptions::new(24, 24)
-                .samples(64)
-                .bounces(1)
-                .blur(angle);
+                .with_samples(64)
+                .with_bounces(1)
+                .with_blur(angle);
             radiance(&scene, &camera, &options)
         };
         let sharp = at(0.0);
@@ -161,14 +164,14 @@ fn the_crossing_of_surfaces_moves() {
             &device,
         )
     };
-    let camera = on_axis(10.0).fov_y(12.0);
-    let options = RenderOptions::new(32, 32).samples(64).bounces(0);
+    let camera = on_axis(10.0).with_fov_y(12.0);
+    let options = RenderOptions::new(32, 32).with_samples(64).with_bounces(0);
     let depth = Tensor::<1>::zeros([1], &device).autodiff().require_grad();
     let axis = Tensor::<1>::from_floats([0.0, 0.0, 1.0], &device);
     let white = sheet(0.5).translated(depth.clone() * axis);
     let scene = Scene::new()
-        .with(emitting(white, [1.0; 3]))
-        .with(diffuse(sheet(-0.5), [0.0; 3]));
+        .with_object(emitting(white, [1.0; 3]))
+        .with_object(diffuse(sheet(-0.5), [0.0; 3]));
     let image = render(&scene, &camera, &options).expect("an image");
     let gradients = image.radiance.mean().backward();
     let found = gradient(&depth, &gradients)[0];

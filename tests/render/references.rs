@@ -91,7 +91,7 @@ fn only_noise_is_left() {
 fn ball(name: &str) -> Material {
     let (eta, k) = ([0.143, 0.375, 1.442], [3.983, 2.386, 1.603]);
     // Mitsuba does not give back what is lost between facets.
-    let of = |m: Material| m.compensated(false);
+    let of = |m: Material| m.with_compensated(false);
     match name {
         "conductor" => of(Material::conductor(eta, k, 0.3)),
         "conductor-rough" => of(Material::conductor(eta, k, 0.5)),
@@ -121,14 +121,14 @@ fn bsdfs_of_facets() {
     ] {
         let target = HostImage::read(path(&format!("{name}.exr"))).expect("a reference");
         let scene = Scene::load(path("scene.obj"), &device).expect("a scene");
-        let scene = scene.map_object("ball", |o| o.material(ball(name)));
-        let scene = scene.expect("a ball").environment([0.3, 0.35, 0.4]);
-        let camera = Camera::look_at([0.4, 1.5, 5.2], [0.0, 0.95, 0.0]).fov_y(36.0);
+        let scene = scene.map_object("ball", |o| o.with_material(ball(name)));
+        let scene = scene.expect("a ball").with_environment([0.3, 0.35, 0.4]);
+        let camera = Camera::look_at([0.4, 1.5, 5.2], [0.0, 0.95, 0.0]).with_fov_y(36.0);
         let options = RenderOptions::new(64, 64)
-            .samples(samples)
-            .bounces(4)
-            .visibility(SHARP)
-            .seed(5);
+            .with_samples(samples)
+            .with_bounces(4)
+            .with_visibility(SHARP)
+            .with_seed(5);
         let image = render(&scene, &camera, &options).expect("an image");
         let image = HostImage::from_tensor(&image.radiance).expect("values");
         let ratio = image.mean_ratio(&target);

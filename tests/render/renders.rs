@@ -19,7 +19,7 @@ fn forms(sigma: f64, gamma: f64) -> [Visibility; 3] {
 }
 
 fn white(environment: f64) -> Scene {
-    Scene::new().environment([environment; 3])
+    Scene::new().with_environment([environment; 3])
 }
 
 /// Mean radiance over an image, all channels.
@@ -33,12 +33,12 @@ fn a_convex_mesh_of_albedo_1_vanishes_in_a_uniform_environment() {
     for (faces, form) in (0..3).flat_map(|f| blurs.map(|b| (f, b))) {
         let device = Device::flex();
         let ball = diffuse(shapes::icosphere(faces, &device), [1.0; 3]);
-        let camera = Camera::look_at([0.0, 0.5, 3.0], [0.0; 3]).fov_y(30.0);
+        let camera = Camera::look_at([0.0, 0.5, 3.0], [0.0; 3]).with_fov_y(30.0);
         let options = RenderOptions::new(24, 24)
-            .samples(16)
-            .bounces(0)
-            .visibility(form);
-        let image = render(&white(0.7).with(ball), &camera, &options).expect("an image");
+            .with_samples(16)
+            .with_bounces(0)
+            .with_visibility(form);
+        let image = render(&white(0.7).with_object(ball), &camera, &options).expect("an image");
         let (mean, faces) = (mean(&image), 20 << (2 * faces));
         assert!(
             (mean / 0.7 - 1.0).abs() < 0.01,
@@ -51,13 +51,13 @@ fn a_convex_mesh_of_albedo_1_vanishes_in_a_uniform_environment() {
 fn a_torus_of_albedo_1_vanishes_given_enough_bounces() {
     let device = Device::flex();
     let torus = diffuse(shapes::torus(1.0, 0.4, 12, 8, &device), [1.0; 3]);
-    let camera = Camera::look_at([0.0, 2.5, 2.0], [0.0; 3]).fov_y(40.0);
+    let camera = Camera::look_at([0.0, 2.5, 2.0], [0.0; 3]).with_fov_y(40.0);
     for form in forms(1e-6, 1e-5) {
         let options = RenderOptions::new(16, 16)
-            .samples(32)
-            .bounces(12)
-            .visibility(form);
-        let scene = white(1.0).with(torus.clone());
+            .with_samples(32)
+            .with_bounces(12)
+            .with_visibility(form);
+        let scene = white(1.0).with_object(torus.clone());
         let image = render(&scene, &camera, &options).expect("an image");
         let mean = mean(&image);
         assert!((mean - 1.0).abs() < 0.01, "{form:?}: {mean}");
@@ -70,15 +70,15 @@ fn inside_a_box_light_adds_up_as_a_geometric_series() {
     let (emission, albedo) = (0.8f64, 0.5f64);
     // Seen from inside, the walls must be in front: the winding is turned over.
     let walls = Object::new(inward(shapes::cube(&device)));
-    let glow = Material::diffuse([albedo; 3]).emission([emission; 3]);
-    let scene = Scene::new().with(walls.material(glow));
-    let camera = Camera::look_at([0.1, 0.0, 0.1], [0.0, 0.1, -0.4]).fov_y(70.0);
+    let glow = Material::diffuse([albedo; 3]).with_emission([emission; 3]);
+    let scene = Scene::new().with_object(walls.with_material(glow));
+    let camera = Camera::look_at([0.1, 0.0, 0.1], [0.0, 0.1, -0.4]).with_fov_y(70.0);
     let render_at = |form, bounces, samples: u32| {
         let options = RenderOptions::new(16, 16)
-            .samples(samples)
-            .bounces(bounces)
-            .visibility(form)
-            .seed(1);
+            .with_samples(samples)
+            .with_bounces(bounces)
+            .with_visibility(form)
+            .with_seed(1);
         mean(&render(&scene, &camera, &options).expect("an image"))
     };
     for (bounces, blur) in [0, 1, 3]
@@ -109,7 +109,7 @@ fn inside_a_box_light_adds_up_as_a_geometric_series() {
 fn lobes_reflect_their_albedo_at_normal_incidence() {
     let device = Device::flex();
     let plane = facing_front([-1.0, 1.0], [-1.0, 1.0], 0.0, &device);
-    let camera = Camera::look_at([0.0, 0.0, 50.0], [0.0; 3]).fov_y(0.5);
+    let camera = Camera::look_at([0.0, 0.0, 50.0], [0.0; 3]).with_fov_y(0.5);
     let materials = [
         (Material::diffuse([0.6; 3]), 0.6),
         (Material::phong([0.0; 3], [0.7; 3], 5.0), 0.7),
@@ -117,8 +117,8 @@ fn lobes_reflect_their_albedo_at_normal_incidence() {
         (Material::phong([0.3; 3], [0.4; 3], 20.0), 0.7),
     ];
     for (material, expected) in materials {
-        let scene = white(1.0).with(Object::new(plane.clone()).material(material));
-        let options = RenderOptions::new(16, 16).samples(256).bounces(0);
+        let scene = white(1.0).with_object(Object::new(plane.clone()).with_material(material));
+        let options = RenderOptions::new(16, 16).with_samples(256).with_bounces(0);
         let image = render(&scene, &camera, &options).expect("an image");
         let mean = mean(&image);
         assert!(
@@ -133,11 +133,14 @@ fn the_same_seed_gives_the_same_bits_whatever_the_tiles() {
     for device in cpu_devices() {
         let file = scene_file("cornell", &device);
         let at = |options: RenderOptions| radiance(&file.scene, &file.camera, &options);
-        let options = RenderOptions::new(24, 24).samples(4).bounces(1).seed(9);
+        let options = RenderOptions::new(24, 24)
+            .with_samples(4)
+            .with_bounces(1)
+            .with_seed(9);
         let first = at(options.clone());
         assert_eq!(first, at(options.clone()));
-        assert_eq!(first, at(options.clone().rays_per_tile(160)));
-        assert_ne!(first, at(options.seed(10)));
+        assert_eq!(first, at(options.clone().with_rays_per_tile(160)));
+        assert_ne!(first, at(options.with_seed(10)));
     }
 }
 
@@ -146,7 +149,10 @@ fn the_same_seed_gives_the_same_bits_whatever_the_tiles() {
 fn backends_agree_up_to_rounding() {
     let image = |device: &Device| {
         let file = scene_file("cornell", device);
-        let options = RenderOptions::new(32, 32).samples(16).bounces(3).seed(2);
+        let options = RenderOptions::new(32, 32)
+            .with_samples(16)
+            .with_bounces(3)
+            .with_seed(2);
         radiance(&file.scene, &file.camera, &options)
     };
     let [a, b] = [0, 1].map(|i| image(&cpu_devices()[i]));
@@ -160,12 +166,12 @@ fn outputs_of_the_camera_rays() {
     let plane = facing_front([-1.0, 1.0], [-1.0, 1.0], 0.0, &device);
     let side = Object::new(plane.clone().translated([2.0, 0.0, -1.0]));
     let scene = white(1.0)
-        .with(Object::new(plane).named("front"))
-        .with(side.named("side"));
-    let camera = on_axis(3.0).fov_y(60.0);
+        .with_object(Object::new(plane).with_name("front"))
+        .with_object(side.with_name("side"));
+    let camera = on_axis(3.0).with_fov_y(60.0);
     let options = RenderOptions::new(31, 31)
-        .samples(4)
-        .bounces(0)
+        .with_samples(4)
+        .with_bounces(0)
         .with_opacity()
         .with_depth()
         .with_normals()
@@ -199,20 +205,25 @@ fn fails<const N: usize>(
 }
 
 fn ball() -> Object {
-    Object::new(shapes::icosahedron(&Device::flex())).named("ball")
+    Object::new(shapes::icosahedron(&Device::flex())).with_name("ball")
 }
 
 fn few() -> RenderOptions {
-    RenderOptions::new(8, 8).samples(1)
+    RenderOptions::new(8, 8).with_samples(1)
 }
 
 #[test]
 fn errors_name_what_is_wrong_with_options() {
     let expect = |options: RenderOptions, parts: [&str; 2]| {
-        fails(&white(1.0).with(ball()), &on_axis(3.0), &options, parts);
+        fails(
+            &white(1.0).with_object(ball()),
+            &on_axis(3.0),
+            &options,
+            parts,
+        );
     };
     expect(RenderOptions::new(0, 8), ["width", "0"]);
-    expect(few().samples(0), ["samples", "0"]);
+    expect(few().with_samples(0), ["samples", "0"]);
     for bad in [0.0, -1.0, f64::NAN] {
         let value = bad.to_string();
         let forms = [
@@ -220,17 +231,17 @@ fn errors_name_what_is_wrong_with_options() {
             Visibility::softmax(1e-3, bad),
         ];
         for (form, field) in forms.into_iter().zip(["sigma", "gamma"]) {
-            expect(few().visibility(form), [field, &value]);
+            expect(few().with_visibility(form), [field, &value]);
         }
     }
-    let softmax = |epsilon| SoftmaxOptions::new(1e-3, 1e-3).epsilon(epsilon);
+    let softmax = |epsilon| SoftmaxOptions::new(1e-3, 1e-3).with_epsilon(epsilon);
     let cone = |angle, pixels| Visibility::Cone { angle, pixels };
     for (form, parts) in [
         (softmax(-1.0).into(), ["epsilon", "-1"]),
         (cone(-0.1, 0.5), ["angle", "-0.1"]),
         (cone(0.0, f64::NAN), ["pixels", "NaN"]),
     ] {
-        expect(few().visibility(form), parts);
+        expect(few().with_visibility(form), parts);
     }
 }
 
@@ -238,25 +249,30 @@ fn errors_name_what_is_wrong_with_options() {
 fn errors_name_what_is_wrong_with_a_scene() {
     fails(&Scene::new(), &on_axis(3.0), &few(), ["no objects"]);
     let expect = |object: Object, parts: [&str; 3]| {
-        fails(&white(1.0).with(object), &on_axis(3.0), &few(), parts);
+        fails(
+            &white(1.0).with_object(object),
+            &on_axis(3.0),
+            &few(),
+            parts,
+        );
     };
     let triangle = |z: f64, last: u32| {
         let v = [[0.0; 3], [1.0, 0.0, z], [0.0, 1.0, 0.0]];
         Object::new(Mesh::from_host(&v, vec![[0, 1, last]], &Device::flex()))
     };
-    let nan = triangle(f64::NAN, 2).named("broken");
+    let nan = triangle(f64::NAN, 2).with_name("broken");
     expect(nan, ["broken", "vertices 1", "NaN"]);
-    let range = triangle(0.0, 3).named("short");
+    let range = triangle(0.0, 3).with_name("short");
     expect(range, ["short", "face 0", "3"]);
     let bright = Material::phong([0.7; 3], [0.4; 3], 8.0);
     expect(
-        ball().material(bright),
+        ball().with_material(bright),
         ["ball", "diffuse + specular", "1.1"],
     );
     #[cfg(feature = "ndarray")]
     {
-        let other = Object::new(shapes::icosahedron(&cpu_devices()[1])).named("elsewhere");
-        let two = white(1.0).with(ball()).with(other);
+        let other = Object::new(shapes::icosahedron(&cpu_devices()[1])).with_name("elsewhere");
+        let two = white(1.0).with_object(ball()).with_object(other);
         let parts = ["elsewhere", "vertices", "ndarray"];
         fails(&two, &on_axis(3.0), &few(), parts);
     }
@@ -264,18 +280,18 @@ fn errors_name_what_is_wrong_with_a_scene() {
 
 #[test]
 fn errors_name_what_is_wrong_with_a_camera() {
-    let good = white(1.0).with(ball());
-    let up = on_axis(3.0).up([0.0, 0.0, 1.0]);
+    let good = white(1.0).with_object(ball());
+    let up = on_axis(3.0).with_up([0.0, 0.0, 1.0]);
     fails(&good, &up, &few(), ["camera", "up"]);
-    let fov = on_axis(3.0).fov_y(180.0);
+    let fov = on_axis(3.0).with_fov_y(180.0);
     fails(&good, &fov, &few(), ["camera", "fov_y", "180"]);
     fails(&good, &on_axis(0.0), &few(), ["camera", "target"]);
 }
 
 #[test]
 fn a_scene_without_light_is_black() {
-    let options = RenderOptions::new(8, 8).samples(2);
-    let image = radiance(&Scene::new().with(ball()), &on_axis(3.0), &options);
+    let options = RenderOptions::new(8, 8).with_samples(2);
+    let image = radiance(&Scene::new().with_object(ball()), &on_axis(3.0), &options);
     assert!(image.iter().all(|&v| v == 0.0));
 }
 
@@ -294,14 +310,14 @@ fn fine_faces_render_like_coarse_ones() {
     let edge = (16.0 * std::f64::consts::PI / 3f64.sqrt() / fine.faces.len() as f64).sqrt();
     let render_at = |mesh: &Mesh, form, seed| {
         let scene = white(0.5)
-            .with(diffuse(mesh.clone(), [0.8; 3]))
-            .with(lamp(0.5, 3.0, [8.0; 3], &device));
-        let camera = Camera::look_at([0.0, 1.0, 3.0], [0.0; 3]).fov_y(45.0);
+            .with_object(diffuse(mesh.clone(), [0.8; 3]))
+            .with_object(lamp(0.5, 3.0, [8.0; 3], &device));
+        let camera = Camera::look_at([0.0, 1.0, 3.0], [0.0; 3]).with_fov_y(45.0);
         let options = RenderOptions::new(12, 12)
-            .samples(32)
-            .bounces(0)
-            .visibility(form)
-            .seed(seed);
+            .with_samples(32)
+            .with_bounces(0)
+            .with_visibility(form)
+            .with_seed(seed);
         let image = render(&scene, &camera, &options).expect("an image");
         (mean(&image), values(&image.radiance))
     };
@@ -331,21 +347,21 @@ fn fine_faces_render_like_coarse_ones() {
 #[test]
 fn diagnostics_count_what_is_degenerate() {
     let device = Device::flex();
-    let camera = on_axis(3.0).fov_y(30.0);
+    let camera = on_axis(3.0).with_fov_y(30.0);
     let options = RenderOptions::new(8, 8)
-        .samples(4)
-        .bounces(1)
-        .visibility(Visibility::softmax(1e-6, 1e-3));
+        .with_samples(4)
+        .with_bounces(1)
+        .with_visibility(Visibility::softmax(1e-6, 1e-3));
     let at = |scene: &Scene, options: &RenderOptions| {
         let image = render(scene, &camera, options).expect("an image");
         (image.diagnostics, values(&image.radiance))
     };
-    let brute_force = SoftmaxOptions::new(1e-6, 1e-3).brute_force();
-    let brute_force = options.clone().visibility(brute_force);
-    let (none, expected) = at(&white(1.0).with(ball()), &brute_force);
+    let brute_force = SoftmaxOptions::new(1e-6, 1e-3).with_brute_force();
+    let brute_force = options.clone().with_visibility(brute_force);
+    let (none, expected) = at(&white(1.0).with_object(ball()), &brute_force);
     assert_eq!(none, None);
     let options = options.with_diagnostics();
-    let (clean, radiance) = at(&white(1.0).with(ball()), &options);
+    let (clean, radiance) = at(&white(1.0).with_object(ball()), &options);
     assert_eq!(expected, radiance);
     let clean = clean.expect("diagnostics");
     assert_eq!(clean.degenerate_triangles, 0);
@@ -363,20 +379,20 @@ fn diagnostics_count_what_is_degenerate() {
     let flat = shapes::triangle([0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], &device);
     let point = shapes::triangle([0.5; 3], [0.5; 3], [0.5; 3], &device);
     let scene = white(1.0)
-        .with(ball())
-        .with(Object::new(flat))
-        .with(Object::new(point));
+        .with_object(ball())
+        .with_object(Object::new(flat))
+        .with_object(Object::new(point));
     let found = at(&scene, &options).0.expect("diagnostics");
     assert_eq!(found.degenerate_triangles, 2);
-    let narrow = on_axis(3.0).fov_y(1e-7);
+    let narrow = on_axis(3.0).with_fov_y(1e-7);
     let wall = shapes::triangle([0.5, 0.0, 0.0], [0.5, 1.0, 0.0], [0.5, 0.0, 1.0], &device);
-    let scene = white(1.0).with(Object::new(wall));
+    let scene = white(1.0).with_object(Object::new(wall));
     let image = render(&scene, &narrow, &options).expect("an image");
     let found = image.diagnostics.expect("diagnostics");
     assert_eq!(found.parallel_pairs, 8 * 8 * 4, "{found:?}");
 
     // A large blur lets many surfaces share a ray.
-    let options = options.visibility(Visibility::softmax(0.3, 0.3));
-    let blurred = at(&white(1.0).with(ball()), &options).0;
+    let options = options.with_visibility(Visibility::softmax(0.3, 0.3));
+    let blurred = at(&white(1.0).with_object(ball()), &options).0;
     assert!(blurred.expect("diagnostics").effective_surfaces > 1.5);
 }

@@ -31,16 +31,18 @@ fn room(offset: &Tensor<1>, shininess: &Tensor<1>, device: &Device) -> Scene {
         .scaled(Tensor::from_floats([0.4], device))
         .translated(Tensor::from_floats([0.3, 0.5, 0.2], device) + offset.clone());
     Scene::new()
-        .with(Object::new(facing_up([-2.0, 2.0], [-2.0, 2.0], 0.0, device)).material(gloss))
-        .with(emitting(
+        .with_object(
+            Object::new(facing_up([-2.0, 2.0], [-2.0, 2.0], 0.0, device)).with_material(gloss),
+        )
+        .with_object(emitting(
             facing_down([-1.2, 1.0], [-1.9, -0.2], 2.0, device),
             [2.0; 3],
         ))
-        .with(emitting(
+        .with_object(emitting(
             facing_down([1.2, 1.3], [0.5, 0.6], 1.1, device),
             [60.0; 3],
         ))
-        .with(diffuse(ball, [0.5, 0.4, 0.3]))
+        .with_object(diffuse(ball, [0.5, 0.4, 0.3]))
 }
 
 /// Mean radiance, and the derivatives by the ball's place and the floor's shininess.
@@ -48,11 +50,11 @@ fn of(sampling: Sampling, seed: u64) -> [f64; 3] {
     let device = Device::flex();
     let (offset, shininess) = (leaf(&[0.0; 3], &device), leaf(&[30.0], &device));
     let options = RenderOptions::new(12, 12)
-        .samples(16)
-        .bounces(1)
-        .sampling(sampling)
-        .seed(seed);
-    let camera = Camera::look_at([0.0, 1.2, 4.0], [0.0, 0.6, 0.0]).fov_y(45.0);
+        .with_samples(16)
+        .with_bounces(1)
+        .with_sampling(sampling)
+        .with_seed(seed);
+    let camera = Camera::look_at([0.0, 1.2, 4.0], [0.0, 0.6, 0.0]).with_fov_y(45.0);
     let scene = room(&offset, &shininess, &device);
     let image = render(&scene, &camera, &options).expect("an image");
     let mean = image.radiance.mean();
@@ -91,13 +93,13 @@ fn mean_and_gradients_stay() {
 fn both_strategies_find_a_mirrored_light() {
     let device = Device::flex();
     let scene = room(&row(&[0.0; 3], &device), &row(&[2000.0], &device), &device);
-    let camera = Camera::look_at([0.0, 1.0, 3.0], [0.0, 0.0, 0.0]).fov_y(40.0);
+    let camera = Camera::look_at([0.0, 1.0, 3.0], [0.0, 0.0, 0.0]).with_fov_y(40.0);
     let image = |sampling, samples, seed| {
         let options = RenderOptions::new(24, 24)
-            .samples(samples)
-            .bounces(0)
-            .sampling(sampling)
-            .seed(seed);
+            .with_samples(samples)
+            .with_bounces(0)
+            .with_sampling(sampling)
+            .with_seed(seed);
         radiance(&scene, &camera, &options)
     };
     let mut one = Sampling::default();
@@ -114,15 +116,15 @@ fn both_strategies_find_a_mirrored_light() {
 fn paths_are_split_only_where_surfaces_share_a_ray() {
     let device = Device::flex();
     let scene = room(&row(&[0.0; 3], &device), &row(&[10.0], &device), &device);
-    let camera = Camera::look_at([0.0, 1.2, 4.0], [0.0, 0.6, 0.0]).fov_y(45.0);
+    let camera = Camera::look_at([0.0, 1.2, 4.0], [0.0, 0.6, 0.0]).with_fov_y(45.0);
     let rays = |surfaces, sigma| {
         let mut sampling = Sampling::default();
         sampling.surfaces = surfaces;
         let options = RenderOptions::new(32, 32)
-            .samples(4)
-            .bounces(1)
-            .visibility(Visibility::softmax(sigma, 1e-3))
-            .sampling(sampling);
+            .with_samples(4)
+            .with_bounces(1)
+            .with_visibility(Visibility::softmax(sigma, 1e-3))
+            .with_sampling(sampling);
         let image = render(&scene, &camera, &options).expect("an image");
         image.statistics.bounces[1] as f64
     };
@@ -146,17 +148,17 @@ fn many_lamps([offset, of_lamps]: [&Tensor<1>; 2], device: &Device) -> Scene {
     );
     let gloss = Material::phong([0.3, 0.25, 0.2], [0.5; 3], 40.0);
     let mut scene = Scene::new()
-        .with(diffuse(
+        .with_object(diffuse(
             facing_up([-2.0, 2.0], [-2.0, 2.0], 0.0, device),
             [0.5; 3],
         ))
-        .with(Object::new(ball).material(gloss))
-        .light(Light::point([1.4, 0.9, 0.9], [0.5; 3]))
-        .light(Light::directional([0.5, -1.0, -0.4], [0.2; 3]));
+        .with_object(Object::new(ball).with_material(gloss))
+        .with_light(Light::point([1.4, 0.9, 0.9], [0.5; 3]))
+        .with_light(Light::directional([0.5, -1.0, -0.4], [0.2; 3]));
     for place in [[-1.0, 0.7, 0.9], [1.2, 1.2, -0.7], [-0.6, 1.9, -0.8]] {
         let place = row(&place, device) + of_lamps.clone();
         let lamp = at(shapes::icosphere(1, device), 0.12, place);
-        scene = scene.with(emitting(lamp, [9.0; 3]));
+        scene = scene.with_object(emitting(lamp, [9.0; 3]));
     }
     scene
 }
@@ -170,15 +172,15 @@ fn many_emitters_by_a_tree() {
         sampling.emitters = emitters;
         let [offset, of_lamps] = [0, 1].map(|_| leaf(&[0.0; 3], &device));
         let options = RenderOptions::new(12, 12)
-            .samples(16)
-            .bounces(1)
-            .visibility(Visibility::cone(0.05))
-            .sampling(sampling)
-            .seed(seed);
+            .with_samples(16)
+            .with_bounces(1)
+            .with_visibility(Visibility::cone(0.05))
+            .with_sampling(sampling)
+            .with_seed(seed);
         // It doesn't see the lamps, whose light would be noise of another kind.
         let camera = Camera::look_at([0.2, 2.6, 0.3], [0.2, 0.0, 0.3])
-            .up([0.0, 0.0, -1.0])
-            .orthographic(1.4);
+            .with_up([0.0, 0.0, -1.0])
+            .with_orthographic(1.4);
         let scene = many_lamps([&offset, &of_lamps], &device);
         let image = render(&scene, &camera, &options).expect("an image");
         let mean = image.radiance.clone().mean();

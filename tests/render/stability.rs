@@ -71,7 +71,7 @@ fn soups_of_any_size_are_finite() {
                 w.things = vec![soup.emitting([1.0, 0.5, 0.2])];
                 w.eye = [0.3 * scale, 1.6 * scale, 4.0 * scale];
                 w.target = [0.0, 0.1 * scale, 0.0];
-                w.options = w.options.clone().visibility(form);
+                w.options = w.options.clone().with_visibility(form);
             });
             let name = format!("soup {round} of 1e{exponent}, {form:?}");
             failures.note(&name, world.run(&Device::flex(), DType::F32));
@@ -100,10 +100,10 @@ fn forms() -> [Visibility; 2] {
 fn world(form: Visibility) -> World {
     World::new().with(|w| {
         w.options = RenderOptions::new(12, 12)
-            .samples(4)
-            .bounces(2)
-            .visibility(form)
-            .seed(3);
+            .with_samples(4)
+            .with_bounces(2)
+            .with_visibility(form)
+            .with_seed(3);
         w.thing("ball").velocity = Some([0.2, 0.1, 0.0]);
         w.lens = Some((0.05, 4.0));
     })
@@ -114,7 +114,7 @@ fn scaled(form: Visibility, s: f64) -> Outcome {
     let scaled = world(form).mapped(|p| p.map(|x| s * x)).with(|w| {
         if let Visibility::Softmax(SoftmaxOptions { sigma, gamma, .. }) = form {
             let softmax = Visibility::softmax(sigma * s * s, gamma);
-            w.options = w.options.clone().visibility(softmax);
+            w.options = w.options.clone().with_visibility(softmax);
         }
         w.thing("ball").velocity = Some([0.2 * s, 0.1 * s, 0.0]);
         w.lens = Some((0.05 * s, 4.0 * s));
@@ -207,7 +207,7 @@ fn orientation_does_not_matter() {
                 w.environment = [0.0; 3];
                 let mut sampling = Sampling::default();
                 sampling.multiple_importance = false;
-                w.options = w.options.clone().bounces(0).sampling(sampling);
+                w.options = w.options.clone().with_bounces(0).with_sampling(sampling);
             })
         };
         let device = Device::flex();
@@ -242,9 +242,9 @@ fn the_limits_are_approached_without_a_jump() {
     let at = |form| {
         let world = World::new().with(|w| {
             w.options = RenderOptions::new(12, 12)
-                .samples(16)
-                .bounces(1)
-                .visibility(form);
+                .with_samples(16)
+                .with_bounces(1)
+                .with_visibility(form);
         });
         world.run(&device, DType::F32).expect("an image").mean()
     };
@@ -330,12 +330,15 @@ fn memory_stays_flat_over_repeated_renders() {
 fn luminous_glass_has_small_gradients() {
     let device = Device::flex();
     let ior = leaf(&[1.6], &device);
-    let glass = Material::dielectric(ior.clone(), 0.6).emission([0.5; 3]);
+    let glass = Material::dielectric(ior.clone(), 0.6).with_emission([0.5; 3]);
     let mesh = shapes::cylinder(0.6, 1.4, 9, &device).rotated([0.3, 1.0, 0.5], 0.4);
-    let scene = Scene::new().with(Object::new(mesh).material(glass));
-    let camera = Camera::look_at([0.3, 1.8, 4.2], [0.0; 3]).fov_y(35.0);
+    let scene = Scene::new().with_object(Object::new(mesh).with_material(glass));
+    let camera = Camera::look_at([0.3, 1.8, 4.2], [0.0; 3]).with_fov_y(35.0);
     for seed in 0..4 {
-        let options = RenderOptions::new(16, 16).samples(64).bounces(2).seed(seed);
+        let options = RenderOptions::new(16, 16)
+            .with_samples(64)
+            .with_bounces(2)
+            .with_seed(seed);
         let image = render(&scene, &camera, &options).expect("an image");
         let by_ior = gradient(&ior, &image.radiance.mean().backward());
         println!("{by_ior:?}");

@@ -118,9 +118,12 @@ fn a_flat_normal_map_changes_nothing() {
     let gloss = Material::phong([0.3; 3], [0.4; 3], 12.0);
     for engine in ENGINES {
         for mesh in [smooth(), smooth().without_normals(), wall()] {
-            let without = seen(Object::new(mesh.clone()).material(gloss.clone()), engine);
-            let bumpy = gloss.clone().normal_map(flat.clone(), 2.0);
-            let with = seen(Object::new(mesh).material(bumpy), engine);
+            let without = seen(
+                Object::new(mesh.clone()).with_material(gloss.clone()),
+                engine,
+            );
+            let bumpy = gloss.clone().with_normal_map(flat.clone(), 2.0);
+            let with = seen(Object::new(mesh).with_material(bumpy), engine);
             // But for rounding, which now and then makes a draw another.
             let share = share_of_close(&without, &with, 1e-3);
             println!("{engine:?}: {} {share}", furthest(&without, &with));
@@ -138,18 +141,21 @@ fn a_tilt_by_a_map_is_one_of_the_normals() {
     for material in [matt, gloss] {
         let map = material
             .clone()
-            .normal_map(constant(&texel, [1, 1, 3]), 1.0);
-        let turn = Transform::new().axis_angle([0.2, 1.0, 0.1], constant(&[0.4], [1]));
+            .with_normal_map(constant(&texel, [1, 1, 3]), 1.0);
+        let turn = Transform::new().with_axis_angle([0.2, 1.0, 0.1], constant(&[0.4], [1]));
         for engine in ENGINES {
             for radians in [0.3, 2.9] {
                 let turned = |mesh: Mesh| mesh.rotated([0.0, 1.0, 0.0], radians).transformed(&turn);
                 let normals = constant(&texel.repeat(4), [4, 3]);
                 let tilted = turned(wall().with_normals(normals));
-                let expected = seen(Object::new(tilted).material(material.clone()), engine);
-                let found = seen(Object::new(turned(wall())).material(map.clone()), engine);
+                let expected = seen(Object::new(tilted).with_material(material.clone()), engine);
+                let found = seen(
+                    Object::new(turned(wall())).with_material(map.clone()),
+                    engine,
+                );
                 assert!(furthest(&found, &expected) < 1e-3, "{engine:?} {radians}");
                 let given = turned(wall().mikktspace_tangents());
-                let found = seen(Object::new(given).material(map.clone()), engine);
+                let found = seen(Object::new(given).with_material(map.clone()), engine);
                 assert!(furthest(&found, &expected) < 1e-3, "{engine:?} {radians}");
             }
         }
@@ -166,8 +172,8 @@ fn tangents_move_with_their_mesh() {
         |m| {
             m.transformed(
                 &Transform::new()
-                    .scale(constant(&[1.0, -1.0, 1.0], [3]))
-                    .translation(constant(&[0.2; 3], [3])),
+                    .with_scale(constant(&[1.0, -1.0, 1.0], [3]))
+                    .with_translation(constant(&[0.2; 3], [3])),
             )
         },
     ];
@@ -220,20 +226,20 @@ fn two_colors(point: &Point) -> softray::Result<(Scene, Camera)> {
     let mesh = Mesh::new(vertices, faces);
     let mesh = mesh.with_colors(colors, vec![[0; 3], [0; 3], [1; 3], [1; 3]]);
     let scene = Scene::new()
-        .with(diffuse(mesh, [0.9; 3]))
-        .environment([1.0; 3]);
+        .with_object(diffuse(mesh, [0.9; 3]))
+        .with_environment([1.0; 3]);
     Ok((
         scene,
-        Camera::look_at([0.2, 0.1, 3.0], [0.0; 3]).fov_y(60.0),
+        Camera::look_at([0.2, 0.1, 3.0], [0.0; 3]).with_fov_y(60.0),
     ))
 }
 
 #[test]
 fn colors_jump_where_faces_meet() {
-    let options = RenderOptions::new(8, 8).samples(16).bounces(0);
+    let options = RenderOptions::new(8, 8).with_samples(16).with_bounces(0);
     let settings = GradCheck::new(options, &Device::flex())
-        .precision(0.01)
-        .seeds(8, 400);
+        .with_precision(0.01)
+        .with_seeds(8, 400);
     let parameters = [Checked::new("x", [0.1], 0.05)];
     let report = gradcheck(&parameters, &settings, two_colors).expect("a report");
     println!("{report}");
@@ -260,11 +266,11 @@ fn engines_agree_on_all_of_it() {
         if masked {
             material = half_open(material);
         }
-        material = material.normal_map(texels.clone().reshape([2, 2, 3]), 0.7);
-        let (scene, camera) = lit(Object::new(mesh).material(material));
+        material = material.with_normal_map(texels.clone().reshape([2, 2, 3]), 0.7);
+        let (scene, camera) = lit(Object::new(mesh).with_material(material));
         let options = options(engine)
-            .bounces(2)
-            .visibility(Visibility::cone(0.05));
+            .with_bounces(2)
+            .with_visibility(Visibility::cone(0.05));
         let image = render(&scene, &camera, &options)
             .expect("an image")
             .radiance;
@@ -290,28 +296,29 @@ fn mistakes_are_told() {
         ))
     };
     let bare = || Mesh::new(wall().vertices, wall().faces.to_vec());
-    let map = |shape| Material::default().normal_map(Tensor::zeros(shape, &Device::flex()), 1.0);
-    let flat = Material::default().normal_map(constant(&[0.0, 0.0, 1.0], [1, 1, 3]), 1.0);
+    let map =
+        |shape| Material::default().with_normal_map(Tensor::zeros(shape, &Device::flex()), 1.0);
+    let flat = Material::default().with_normal_map(constant(&[0.0, 0.0, 1.0], [1, 1, 3]), 1.0);
     says(
-        see(Object::new(bare()).material(flat.clone())),
+        see(Object::new(bare()).with_material(flat.clone())),
         ["normal map", "with_uvs"],
     );
     says(
-        see(Object::new(wall()).material(map([2, 2, 4]))),
+        see(Object::new(wall()).with_material(map([2, 2, 4]))),
         ["normal map", "[2, 2, 4]"],
     );
     says(
-        see(Object::new(bare()).material(half_open(Material::default()))),
+        see(Object::new(bare()).with_material(half_open(Material::default()))),
         ["alpha mask", "with_uvs"],
     );
-    let nothing = Material::default().alpha_mask(constant(&[], [0, 2]), 0.5);
+    let nothing = Material::default().with_alpha_mask(constant(&[], [0, 2]), 0.5);
     says(
-        see(Object::new(wall()).material(nothing)),
+        see(Object::new(wall()).with_material(nothing)),
         ["alpha mask", "[0, 2]"],
     );
-    let never = Material::default().alpha_mask(constant(&[f64::NAN], [1, 1]), 0.5);
+    let never = Material::default().with_alpha_mask(constant(&[f64::NAN], [1, 1]), 0.5);
     says(
-        see(Object::new(wall()).material(never)),
+        see(Object::new(wall()).with_material(never)),
         ["alpha mask texel (0, 0)"],
     );
     let faces = wall().faces;
@@ -319,12 +326,12 @@ fn mistakes_are_told() {
     says(see(Object::new(few)), ["colors", "under 2"]);
     let side = wall().with_tangents(constant(&[1.0, 0.0, 0.0, 0.5].repeat(4), [4, 4]), faces);
     says(
-        see(Object::new(side).material(flat)),
+        see(Object::new(side).with_material(flat)),
         ["tangents 0", "1 or −1"],
     );
 
-    let (scene, camera) = lit(Object::new(wall()).material(half_open(Material::default())));
-    let soft = options(Engine::Tensors).visibility(Visibility::softmax(1e-3, 1e-3));
+    let (scene, camera) = lit(Object::new(wall()).with_material(half_open(Material::default())));
+    let soft = options(Engine::Tensors).with_visibility(Visibility::softmax(1e-3, 1e-3));
     says(
         message(render(&scene, &camera, &soft)),
         ["alpha mask", "softmax"],

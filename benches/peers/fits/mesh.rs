@@ -36,11 +36,11 @@ impl Views {
         let start = SceneFile::load(&self.start, &request.view.device()?)?.scene;
         let start = start.object(&self.object).ok_or("no such object")?;
         let start = start.mesh.clone();
-        let eye = |&eye: &[f64; 3]| Camera::look_at(eye, [0.0; 3]).fov_y(40.0);
+        let eye = |&eye: &[f64; 3]| Camera::look_at(eye, [0.0; 3]).with_fov_y(40.0);
         let cameras: Vec<Camera> = self.eyes.iter().map(eye).collect();
         let all = |scene: &Scene| Batch::product(vec![scene.clone()], &cameras);
-        let target = render_batch(&all(&file.scene)?, &sharp(&options).samples(256))?.radiance;
-        let config = LargeStepsConfig::default().lambda(self.lambda);
+        let target = render_batch(&all(&file.scene)?, &sharp(&options).with_samples(256))?.radiance;
+        let config = LargeStepsConfig::default().with_lambda(self.lambda);
         let steps = LargeSteps::from_mesh(&start, &config)?;
         let fit = |&seed: &u64| {
             let body = Body {
@@ -55,8 +55,8 @@ impl Views {
                     let scene = file.scene.clone();
                     let scene = scene.map_object(&self.object, |o| o.map_mesh(|_| mesh.clone()))?;
                     let batch = all(&scene)?;
-                    let options = options.clone().blur(falling(self.blur, share));
-                    let see = |seed| render_batch(&batch, &options.clone().seed(seed));
+                    let options = options.clone().with_blur(falling(self.blur, share));
+                    let see = |seed| render_batch(&batch, &options.clone().with_seed(seed));
                     let [a, b] = seeds.map(see);
                     let (a, b) = (a?.radiance, b?.radiance);
                     Ok(((a - target.clone()) * (b - target.clone())).mean())

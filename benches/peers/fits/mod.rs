@@ -58,14 +58,14 @@ impl Request {
 
     /// The file, and options with few samples.
     fn load(&self) -> softray::Result<(SceneFile, RenderOptions)> {
-        let options = self.view.options().samples(self.samples);
+        let options = self.view.options().with_samples(self.samples);
         Ok((self.view.load()?, options))
     }
 }
 
 /// Many samples, and random numbers that no step has.
 fn sharp(options: &RenderOptions) -> RenderOptions {
-    options.clone().samples(1024).seed(1 << 50)
+    options.clone().with_samples(1024).with_seed(1 << 50)
 }
 
 fn adam() -> ModuleOptimizer {

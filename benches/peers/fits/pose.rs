@@ -54,10 +54,10 @@ impl Pose {
                     let options = match self.view_sharp {
                         true => options
                             .clone()
-                            .visibility(Visibility::Cone { angle, pixels: 0.5 }),
-                        false => options.clone().blur(angle),
+                            .with_visibility(Visibility::Cone { angle, pixels: 0.5 }),
+                        false => options.clone().with_blur(angle),
                     };
-                    let see = |seed| render(&scene, &file.camera, &options.clone().seed(seed));
+                    let see = |seed| render(&scene, &file.camera, &options.clone().with_seed(seed));
                     let [a, b] = seeds.map(see);
                     Ok(loss::mse_unbiased(a?.radiance, b?.radiance, target.clone()))
                 },

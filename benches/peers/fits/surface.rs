@@ -47,7 +47,7 @@ impl Surface {
         let (height, width) = (self.texels.len(), self.texels[0].len());
         let flat = self.texels.iter().flatten().flatten().copied();
         let texels: Vec<f32> = flat.collect();
-        let eye = |&eye: &[f64; 3]| Camera::look_at(eye, [0.0; 3]).fov_y(40.0);
+        let eye = |&eye: &[f64; 3]| Camera::look_at(eye, [0.0; 3]).with_fov_y(40.0);
         let cameras: Vec<Camera> = self.eyes.iter().map(eye).collect();
         let scene = |texels: Tensor<3>, n: Parameter<1>, radiance: Parameter<3>| {
             let texels = ColorTexture::texture(texels);
@@ -55,10 +55,11 @@ impl Surface {
             let scene = file.scene.clone().map_object(&self.object, |o| {
                 let mesh = o.mesh.clone();
                 let uvs = self.uvs(&mesh);
-                o.map_mesh(|m| m.with_uvs(uvs)).material(surface.clone())
+                o.map_mesh(|m| m.with_uvs(uvs))
+                    .with_material(surface.clone())
             })?;
             let lamp = Material::emitter(radiance);
-            let scene = scene.map_object(&self.light, |o| o.material(lamp.clone()))?;
+            let scene = scene.map_object(&self.light, |o| o.with_material(lamp.clone()))?;
             Batch::product(vec![scene], &cameras)
         };
         let still = TensorData::new(texels.clone(), [height, width, 3]);
@@ -84,7 +85,7 @@ impl Surface {
                 |parts, _, seeds| {
                     let (n, radiance) = (parts.shininess.val().exp(), parts.radiance.val().exp());
                     let batch = scene(parts.texture.texels(), n.into(), radiance.into())?;
-                    let see = |seed| render_batch(&batch, &options.clone().seed(seed));
+                    let see = |seed| render_batch(&batch, &options.clone().with_seed(seed));
                     let [a, b] = seeds.map(see);
                     let (a, b) = (a?.radiance, b?.radiance);
                     Ok(((a - target.clone()) * (b - target.clone())).mean())

@@ -189,7 +189,7 @@ impl Walk<'_> {
         self.triangles = self.triangles.saturating_add(more);
         let most = document.limits.triangles;
         let message = format_args!(
-            "makes more than {most} triangles: LoadLimits::triangles raises the limit"
+            "makes more than {most} triangles: LoadLimits::with_triangles raises the limit"
         );
         document.unless(self.triangles <= most, place, message)?;
         let memory = &mut self.found.memory;
@@ -231,7 +231,8 @@ impl Walk<'_> {
             Result::Ok(value)
         };
         let eye = to.translation;
-        let camera = Camera::look_at(eye.to_array(), (eye + forward).to_array()).up(up.to_array());
+        let camera =
+            Camera::look_at(eye.to_array(), (eye + forward).to_array()).with_up(up.to_array());
         Ok(match json.required("type")? {
             CameraType::Perspective => {
                 let path = "perspective.yfov";
@@ -241,7 +242,7 @@ impl Walk<'_> {
                 document.unless(fov_y < 180.0, json.at(path), message)?;
                 let path = "perspective.aspectRatio";
                 let aspect = json.get(path)?.map(|a| positive(path, a));
-                (camera.fov_y(fov_y), aspect.transpose()?)
+                (camera.with_fov_y(fov_y), aspect.transpose()?)
             }
             CameraType::Orthographic => {
                 let size = |path: &str| {
@@ -249,7 +250,7 @@ impl Walk<'_> {
                     positive(path, json.required::<f32>(path)?.abs())
                 };
                 let (high, wide) = (size("orthographic.ymag")?, size("orthographic.xmag")?);
-                (camera.orthographic(2.0 * high), Some(wide / high))
+                (camera.with_orthographic(2.0 * high), Some(wide / high))
             }
         })
     }

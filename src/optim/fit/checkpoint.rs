@@ -199,7 +199,7 @@ impl Checkpoint {
             "fit",
             format!("settings of the checkpoint {}", self.folder.display()),
             format!("those of another fit ({})", differ.join(", ")),
-            "the same settings; take them, another folder, or Fit::restart",
+            "the same settings; take them, another folder, or Fit::with_restart",
         ))
     }
 

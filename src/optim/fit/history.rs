@@ -92,7 +92,7 @@ impl History {
         // The title names a single curve.
         Ok(names.iter().fold(plot, |plot, &name| {
             let label = if names.len() > 1 { name } else { "" };
-            plot.curve(label, self.curve(name))
+            plot.with_curve(label, self.curve(name))
         }))
     }
 
@@ -100,22 +100,24 @@ impl History {
     pub fn loss_plot(&self) -> Plot {
         let points = self.curve("loss").into_iter();
         let points = points.map(|(step, loss)| (step, loss.abs()));
-        Plot::new("|loss|", "step", "").log().curve("", points)
+        Plot::new("|loss|", "step", "")
+            .with_log_scale()
+            .with_curve("", points)
     }
 
     /// Plots the loss, the gradient's norm and, if the fit has a schedule for it, the blur, on logarithmic
     /// axes.
     pub fn figure(&self) -> Figure {
         let over_steps = |title: &str, name: &str| {
-            let plot = Plot::new(title, "step", "").log();
-            plot.curve("", self.curve(name))
+            let plot = Plot::new(title, "step", "").with_log_scale();
+            plot.with_curve("", self.curve(name))
         };
-        let figure = Figure::new("").plot(self.loss_plot());
-        let figure = figure.plot(over_steps("norm of the gradient", "gradient_norm"));
+        let figure = Figure::new("").with_plot(self.loss_plot());
+        let figure = figure.with_plot(over_steps("norm of the gradient", "gradient_norm"));
         if self.curve("blur").is_empty() {
             return figure;
         }
-        figure.plot(over_steps("blur", "blur"))
+        figure.with_plot(over_steps("blur", "blur"))
     }
 
     /// Adds a step with the values of its evaluation.

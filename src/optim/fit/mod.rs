@@ -39,21 +39,21 @@ type Callback<M> = Box<dyn FnMut(&Report<M>) -> Result<bool>>;
 /// }
 ///
 /// let device = Device::flex();
-/// let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).fov_y(40.0);
-/// let options = RenderOptions::new(16, 16).samples(4).bounces(0);
+/// let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).with_fov_y(40.0);
+/// let options = RenderOptions::new(16, 16).with_samples(4).with_bounces(0);
 /// let scene = |x: Tensor<1>| {
 ///     let zero = x.zeros_like();
 ///     let offset = Tensor::cat(vec![x, zero.clone(), zero], 0);
 ///     Scene::new()
-///         .with(Object::new(shapes::icosahedron(&device).translated(offset)))
-///         .environment([1.0, 1.0, 1.0])
+///         .with_object(Object::new(shapes::icosahedron(&device).translated(offset)))
+///         .with_environment([1.0, 1.0, 1.0])
 /// };
 /// let still = scene(Tensor::zeros([1], &device));
-/// let target = render(&still, &camera, &options.clone().samples(64))?.radiance;
+/// let target = render(&still, &camera, &options.clone().with_samples(64))?.radiance;
 /// let start = Tensor::from_floats([0.3], &device.clone().autodiff());
 /// let fitted = Fit::new(Offset { x: Param::from_tensor(start) }, AdamConfig::new().init(), 40)
-///     .rate(Rate::cosine(0.05))
-///     .blur(BlurSchedule::decay(0.1, 1e-3, 30)?)
+///     .with_rate(Rate::cosine(0.05))
+///     .with_blur(BlurSchedule::decay(0.1, 1e-3, 30)?)
 ///     .run(|module: &Offset, step: &_| {
 ///         let see = |k| render(&scene(module.x.val()), &camera, &step.options(&options, k));
 ///         let (a, b) = (see(0)?.radiance, see(1)?.radiance);
@@ -104,13 +104,13 @@ impl<M: Module> Fit<M> {
     }
 
     /// Sets the learning rate over the steps; 0.01 by default.
-    pub fn rate(mut self, rate: impl Into<Rate>) -> Self {
+    pub fn with_rate(mut self, rate: impl Into<Rate>) -> Self {
         self.rate = rate.into();
         self
     }
 
-    /// Sets the learning rate of a group of parameters, which replaces [`Fit::rate`] for these. If a parameter is in
-    /// several groups, the last one counts. [`History`] records the rate of [`Fit::rate`].
+    /// Sets the learning rate of a group of parameters, which replaces [`Fit::with_rate`] for these. If a parameter is in
+    /// several groups, the last one counts. [`History`] records the rate of [`Fit::with_rate`].
     ///
     /// Groups can have their own optimizers, too: see burn's `ModuleOptimizer::with_group`. This fit moves vertices by
     /// [`LargeSteps`](super::LargeSteps) and colors by Adam:
@@ -133,8 +133,8 @@ impl<M: Module> Fit<M> {
     /// let color = Param::from_tensor(Tensor::from_floats([0.5, 0.5, 0.5], &device));
     /// let ball = Ball { vertices: Param::from_tensor(mesh.vertices), color };
     /// let fitted = Fit::new(ball, optimizer, 3)
-    ///     .rate(0.02)
-    ///     .rate_of(vertices, Rate::cosine(0.1))
+    ///     .with_rate(0.02)
+    ///     .with_rate_of(vertices, Rate::cosine(0.1))
     ///     .run(|ball: &Ball, _: &_| {
     ///         let far = (ball.vertices.val() - 1.0).powf_scalar(2.0).mean();
     ///         Ok(Evaluation::new(far + ball.color.val().powf_scalar(2.0).mean()))
@@ -142,7 +142,7 @@ impl<M: Module> Fit<M> {
     /// assert!(fitted.module.color.val().max().into_scalar::<f32>() < 0.5);
     /// # Ok::<(), softray::Error>(())
     /// ```
-    pub fn rate_of(mut self, group: ParamGroup, rate: impl Into<Rate>) -> Self {
+    pub fn with_rate_of(mut self, group: ParamGroup, rate: impl Into<Rate>) -> Self {
         self.rates.push((group, rate.into()));
         self
     }
@@ -157,28 +157,28 @@ impl<M: Module> Fit<M> {
     }
 
     /// Sets the seed of all random numbers, less than 2²⁴; 0 by default.
-    pub fn seed(mut self, seed: u64) -> Self {
+    pub fn with_seed(mut self, seed: u64) -> Self {
         self.seed = seed;
         self
     }
 
     /// Sets the blur over the steps, which [`Step::options`] passes to
-    /// [`RenderOptions::blur`](crate::render::RenderOptions::blur).
-    pub fn blur(mut self, blur: impl Into<Blur>) -> Self {
+    /// [`RenderOptions::with_blur`](crate::render::RenderOptions::with_blur).
+    pub fn with_blur(mut self, blur: impl Into<Blur>) -> Self {
         self.blur = Some(blur.into());
         self
     }
 
     /// Limits the Euclidean norm of the gradient over all parameters: a longer gradient is scaled down to
     /// `norm`.
-    pub fn clip(mut self, norm: f64) -> Self {
+    pub fn with_clip(mut self, norm: f64) -> Self {
         self.clip = Some(norm);
         self
     }
 
     /// Ends the fit when the loss has stopped falling: when its mean over the last `patience` steps is at most
     /// 2 % below its mean over the `patience` steps before, with the same blur at all of these steps.
-    pub fn early_stop(mut self, patience: usize) -> Self {
+    pub fn with_early_stop(mut self, patience: usize) -> Self {
         self.patience = Some(patience);
         self
     }
@@ -189,20 +189,20 @@ impl<M: Module> Fit<M> {
     ///
     /// With a larger number of steps, a finished fit continues where it ended. A [`Rate`] depends on the share of the
     /// steps that are done, so a falling rate rises again first. A blur schedule must be the same.
-    pub fn folder(mut self, folder: impl AsRef<Path>) -> Self {
+    pub fn with_folder(mut self, folder: impl AsRef<Path>) -> Self {
         self.folder = Some(folder.as_ref().into());
         self
     }
 
     /// Sets the number of steps between checkpoints; 25 by default.
-    pub fn checkpoint_every(mut self, steps: usize) -> Self {
+    pub fn with_checkpoint_every(mut self, steps: usize) -> Self {
         self.every = steps;
         self
     }
 
     /// Sets whether the fit removes the checkpoints of the folder instead of resuming from them; false by
     /// default.
-    pub fn restart(mut self, restart: bool) -> Self {
+    pub fn with_restart(mut self, restart: bool) -> Self {
         self.restart = restart;
         self
     }
@@ -214,7 +214,7 @@ impl<M: Module> Fit<M> {
     /// `fit: step 40/200, loss 1.200e-3, blur 2.0e-2, 12 s, about 48 s left`.
     /// Warnings appear there too, unless a logger shows them. To show the state of a fit differently, use
     /// `progress(false)` and [`Fit::on_step`].
-    pub fn progress(mut self, shown: bool) -> Self {
+    pub fn with_progress(mut self, shown: bool) -> Self {
         self.progress = shown;
         self
     }
@@ -222,7 +222,7 @@ impl<M: Module> Fit<M> {
     /// Writes the images of evaluations to a folder, as `step-000040.png`: at the first step, every `every`
     /// steps and at the last step. A resumed fit also writes its first step.
     ///
-    /// Each image of [`Evaluation::image`] is a row. If it has a target ([`Evaluation::target`]), the row also
+    /// Each image of [`Evaluation::with_image`] is a row. If it has a target ([`Evaluation::with_target`]), the row also
     /// shows the target and their difference. The colors of a difference have the same scale at every step: the
     /// darkest colors represent the 99th percentile of the target. Pixels above 1 do not count, because the
     /// picture clips them.
@@ -242,18 +242,18 @@ impl<M: Module> Fit<M> {
     /// # let module = Color { albedo: Param::from_tensor(Tensor::zeros([3], &device.clone().autodiff())) };
     /// let target: Tensor<3> = HostImage::read("photo.png")?.into_tensor(&device);
     /// let fitted = Fit::new(module, AdamConfig::new().init(), 200)
-    ///     .pictures("out/pictures", 20)
+    ///     .with_pictures("out/pictures", 20)
     ///     .run(|module: &Color, step: &_| {
     ///         let image = see(module, step)?;
     ///         let loss = softray::loss::l1(image.clone(), target.clone());
     ///         Ok(Evaluation::new(loss)
-    ///             .image("render", image)
-    ///             .target("render", target.clone()))
+    ///             .with_image("render", image)
+    ///             .with_target("render", target.clone()))
     ///     })?;
     /// # Ok(())
     /// # }
     /// ```
-    pub fn pictures(mut self, folder: impl AsRef<Path>, every: usize) -> Self {
+    pub fn with_pictures(mut self, folder: impl AsRef<Path>, every: usize) -> Self {
         let folder = folder.as_ref().into();
         self.pictures = Some(Pictures { folder, every });
         self

@@ -17,7 +17,7 @@ impl Pictures {
     /// Writes the picture of a step. At the first step an image is required.
     pub fn write(&self, evaluation: &Evaluation, row: &Row, first: bool) -> Result<()> {
         if evaluation.images.is_empty() {
-            let expected = "one for the pictures: Evaluation::image";
+            let expected = "one for the pictures: Evaluation::with_image";
             return Error::unless(!first, "fit", "evaluation", "without an image", expected);
         }
         let path = self.folder.join(format!("step-{:06}.png", row.step));
@@ -38,7 +38,7 @@ impl<M> Report<'_, M> {
     }
 
     /// Draws the images beside their targets and differences, like the pictures of
-    /// [`Fit::pictures`](super::Fit::pictures).
+    /// [`Fit::with_pictures`](super::Fit::with_pictures).
     ///
     /// # Errors
     /// If an image cannot be read back from its device, or does not have three channels.
@@ -63,9 +63,9 @@ fn figure(evaluation: &Evaluation, row: &Row) -> Result<Figure> {
             let target = HostImage::from_tensor(target)?;
             let difference = Panel::difference(format!("{name} − target"), &image, &target)?;
             panels.push(Panel::new("target", &target));
-            panels.push(difference.colors(scale(&target)));
+            panels.push(difference.with_colors(scale(&target)));
         }
-        figure = figure.row(panels);
+        figure = figure.with_row(panels);
     }
     Ok(figure)
 }

@@ -46,7 +46,7 @@ impl<M: Module> Fit<M> {
     ///
     /// At a step: any error of `f` or a callback; if the loss is not one number in the graph of the module's
     /// parameters, the loss or the gradient is not finite, the values, images or targets do not meet the
-    /// conditions of [`Evaluation`], the first step has no image for [`Fit::pictures`], or a file cannot be
+    /// conditions of [`Evaluation`], the first step has no image for [`Fit::with_pictures`], or a file cannot be
     /// written.
     pub fn run(self, mut f: impl FnMut(&M, &Step) -> Result<Evaluation>) -> Result<Fitted<M>> {
         let mut run = Run::open(self)?;

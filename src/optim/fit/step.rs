@@ -15,9 +15,9 @@ use crate::render::RenderOptions;
 pub struct Step {
     /// The step number, counted from 0.
     pub index: usize,
-    /// The blur, if the fit has a schedule for it; see [`RenderOptions::blur`].
+    /// The blur, if the fit has a schedule for it; see [`RenderOptions::with_blur`].
     pub blur: Option<f64>,
-    /// Whether [`Fit::pictures`](super::Fit::pictures) writes a picture of this step. The loss must not depend
+    /// Whether [`Fit::with_pictures`](super::Fit::with_pictures) writes a picture of this step. The loss must not depend
     /// on this field.
     pub pictured: bool,
     pub(super) seed: u64,
@@ -32,9 +32,9 @@ impl Step {
 
     /// Returns options with the blur of this step and the seed of its `render`-th render.
     pub fn options(&self, options: &RenderOptions, render: u64) -> RenderOptions {
-        let options = options.clone().seed(self.seed(render));
+        let options = options.clone().with_seed(self.seed(render));
         match self.blur {
-            Some(blur) => options.blur(blur),
+            Some(blur) => options.with_blur(blur),
             None => options,
         }
     }
@@ -62,21 +62,21 @@ impl Evaluation {
 
     /// Adds a value for the history, for example a parameter, an error or a part of the loss. Every step must
     /// add the same names in the same order. A name must not be empty or contain quotes, commas or line breaks.
-    pub fn value(mut self, name: impl Into<String>, value: f64) -> Self {
+    pub fn with_value(mut self, name: impl Into<String>, value: f64) -> Self {
         self.values.push((name.into(), value));
         self
     }
 
-    /// Adds an image `[H, W, 3]` of linear radiance for [`Fit::pictures`](super::Fit::pictures) and the
+    /// Adds an image `[H, W, 3]` of linear radiance for [`Fit::with_pictures`](super::Fit::with_pictures) and the
     /// callback of [`Fit::on_step`](super::Fit::on_step). Names are unique, and a name must refer to the same
     /// view at every step.
-    pub fn image(mut self, name: impl Into<String>, image: Tensor<3>) -> Self {
+    pub fn with_image(mut self, name: impl Into<String>, image: Tensor<3>) -> Self {
         self.images.push((name.into(), image));
         self
     }
 
     /// Adds the target `[H, W, 3]` of the image with the same name and size, to be shown beside it.
-    pub fn target(mut self, name: impl Into<String>, target: Tensor<3>) -> Self {
+    pub fn with_target(mut self, name: impl Into<String>, target: Tensor<3>) -> Self {
         self.targets.push((name.into(), target));
         self
     }
@@ -140,7 +140,7 @@ pub struct Report<'a, M> {
 pub enum Stop {
     /// All steps were taken.
     Steps,
-    /// The loss had stopped falling ([`Fit::early_stop`](super::Fit::early_stop)).
+    /// The loss had stopped falling ([`Fit::with_early_stop`](super::Fit::with_early_stop)).
     Early,
     /// A callback ended the fit ([`Fit::on_step`](super::Fit::on_step)).
     Callback,

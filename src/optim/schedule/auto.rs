@@ -52,7 +52,7 @@ impl BlurSchedule {
 /// ```
 /// use softray::optim::pixel_angle;
 /// use softray::prelude::*;
-/// let camera = Camera::look_at([0.0, 4.0, 0.0], [0.0; 3]).up([0.0, 0.0, 1.0]).fov_y(90.0);
+/// let camera = Camera::look_at([0.0, 4.0, 0.0], [0.0; 3]).with_up([0.0, 0.0, 1.0]).with_fov_y(90.0);
 /// assert!((pixel_angle(&camera, 16)? - 0.125f64.atan()).abs() < 1e-6);
 /// # Ok::<(), softray::Error>(())
 /// ```
@@ -90,8 +90,8 @@ impl View {
         }
         let half = camera.half_height()?;
         let options = RenderOptions::new(GRID, GRID)
-            .samples(1)
-            .bounces(0)
+            .with_samples(1)
+            .with_bounces(0)
             .with_opacity()
             .with_depth();
         let image = render(&scene, &camera, &options)?;

@@ -23,15 +23,15 @@ const OBJECT: &str = "blur schedule";
 ///
 /// It falls by the same factor at every step ([`BlurSchedule::decay`]) or slowly at both ends
 /// ([`BlurSchedule::cosine`]). The value is an argument for
-/// [`RenderOptions::blur`](crate::render::RenderOptions::blur): the half-angle of cones in radians. For the softmax,
+/// [`RenderOptions::with_blur`](crate::render::RenderOptions::with_blur): the half-angle of cones in radians. For the softmax,
 /// pass it to [`SoftmaxOptions::sigma`](crate::render::SoftmaxOptions::sigma). A larger value lets gradients
 /// point to the target from further away, but biases the image more. A fit therefore starts with a large value and ends with a small one.
 ///
 /// ```
 /// use softray::prelude::*;
-/// let angle = BlurSchedule::decay(1e-1, 1e-3, 100)?.hold(20);
+/// let angle = BlurSchedule::decay(1e-1, 1e-3, 100)?.with_hold(20);
 /// for step in 0..150 {
-///     let options = RenderOptions::new(32, 32).blur(angle.at(step)).seed(step as u64);
+///     let options = RenderOptions::new(32, 32).with_blur(angle.at(step)).with_seed(step as u64);
 ///     // render, step of the optimizer …
 ///     # let _ = options;
 /// }
@@ -94,7 +94,7 @@ impl BlurSchedule {
     }
 
     /// Sets the number of steps for which the value stays at the start before it falls; 0 by default.
-    pub fn hold(mut self, steps: usize) -> Self {
+    pub fn with_hold(mut self, steps: usize) -> Self {
         self.hold = steps;
         self
     }
@@ -125,11 +125,11 @@ impl BlurSchedule {
 /// let adaptive: Blur = PlateauBlur::new(1e-2, 1e-4, 0.5, 10)?.into();
 /// for mut blur in [scheduled, adaptive] {
 ///     for step in 0..100 {
-///         let _options_take = blur.value(step);
+///         let _options_take = blur.with_value(step);
 ///         let loss = 0.3; // of the render
 ///         blur.observe(loss);
 ///     }
-///     assert!(blur.value(100) < 1e-2);
+///     assert!(blur.with_value(100) < 1e-2);
 /// }
 /// # Ok::<(), softray::Error>(())
 /// ```

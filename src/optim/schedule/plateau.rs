@@ -89,7 +89,7 @@ impl PlateauBlur {
     ///
     /// # Errors
     /// If it is not at least 0 and less than 1.
-    pub fn tolerance(mut self, tolerance: f64) -> Result<Self> {
+    pub fn with_tolerance(mut self, tolerance: f64) -> Result<Self> {
         let valid = (0.0..1.0).contains(&tolerance);
         let expected = "at least 0 and under 1";
         Error::unless(valid, OBJECT, "tolerance", tolerance, expected)?;

@@ -27,14 +27,14 @@ pub fn cases() -> Vec<Case> {
             (with_lamp(d, t), c)
         })),
         growth(case("field of view", 38.0, 0.4, 0, |d, t, p| {
-            (with_lamp(d, t), camera().fov_y(p))
+            (with_lamp(d, t), camera().with_fov_y(p))
         })),
         shift(case("orbit", 3.0, 0.3, 0, |d, t, p| {
             let elevation = p.clone() * 0.3 + 4.0;
             let distance = p.clone() * (-0.01) + 4.2;
             let c = Camera::orbit([0.0, 0.9, 0.0], distance, p, elevation).expect("a camera");
             // Rolled: an edge along a row of pixels would make a kink that differences step over.
-            (with_lamp(d, t), c.up([0.3, 1.0, 0.1]).fov_y(38.0))
+            (with_lamp(d, t), c.with_up([0.3, 1.0, 0.1]).with_fov_y(38.0))
         })),
         Case {
             precision: 0.03,
@@ -50,7 +50,7 @@ pub fn cases() -> Vec<Case> {
                 let pose = constant(&pose, [4, 4], d, t)
                     + constant(&change, [4, 4], d, t) * p.reshape([1, 1]);
                 let c = Camera::from_matrix(pose).expect("a camera");
-                (with_lamp(d, t), c.fov_y(38.0))
+                (with_lamp(d, t), c.with_fov_y(38.0))
             }))
         },
         growth(case("calibrated camera", 17.0, 0.2, 0, |d, t, p| {
@@ -80,18 +80,18 @@ pub fn cases() -> Vec<Case> {
             (with_lamp(d, t), c)
         })),
         growth(case("orthographic height", 3.0, 0.04, 1, |d, t, p| {
-            (with_lamp(d, t), camera().orthographic(p))
+            (with_lamp(d, t), camera().with_orthographic(p))
         })),
         shift(case("orthographic position", 0.0, 0.02, 0, |d, t, p| {
-            let mut c = camera().orthographic(3.0);
+            let mut c = camera().with_orthographic(3.0);
             c.eye = offset(p, [0.2, 1.3, 4.2], [1.0, 0.2, 0.3], d, t).into();
             (with_lamp(d, t), c)
         })),
         sharpness(case("aperture", 0.25, 0.02, 0, |d, t, p| {
-            (with_lamp(d, t), camera().thin_lens(p, 1.7))
+            (with_lamp(d, t), camera().with_thin_lens(p, 1.7))
         })),
         sharpness(case("focus distance", 1.7, 0.05, 0, |d, t, p| {
-            (with_lamp(d, t), camera().thin_lens(0.25, p))
+            (with_lamp(d, t), camera().with_thin_lens(0.25, p))
         })),
     ]
 }

@@ -34,8 +34,8 @@ fn normals_of_map(device: &Device, dtype: DType) -> Tensor<3> {
 /// The scene with a normal map on the floor, whose mesh is changed.
 fn bumpy(texels: Tensor<3>, f: impl Fn(Mesh) -> Mesh, device: &Device, dtype: DType) -> Scene {
     let with_map = |o: Object| {
-        let material = o.materials[0].clone().normal_map(texels.clone(), 1.0);
-        o.map_mesh(&f).material(material)
+        let material = o.materials[0].clone().with_normal_map(texels.clone(), 1.0);
+        o.map_mesh(&f).with_material(material)
     };
     change("floor", with_map, device, dtype)
 }
@@ -48,7 +48,7 @@ fn shiny(scene: Scene) -> Scene {
         o
     };
     let scene = scene.map_object("floor", gloss).expect("a floor");
-    scene.environment([0.1; 3])
+    scene.with_environment([0.1; 3])
 }
 
 /// Numbers of colors, and of what normal maps are made of.
@@ -66,7 +66,7 @@ pub fn cases() -> Vec<Case> {
                 o
             };
             let scene = bumpy(texels, |m| m, d, t).map_object("floor", white);
-            (scene.expect("a floor").environment([0.0; 3]), camera())
+            (scene.expect("a floor").with_environment([0.0; 3]), camera())
         })),
         case("glossy normal map", 0.3, 0.03, 0, |d, t, p| {
             let one = constant(&[0.0, 0.0, 0.0, 1.0, -0.6, 0.3].repeat(2), [2, 2, 3], d, t);
@@ -87,7 +87,7 @@ pub fn cases() -> Vec<Case> {
             )
         }),
         case("turn under a normal map", 0.2, 0.03, 1, |d, t, p| {
-            let turn = Transform::new().axis_angle([0.1, 1.0, 0.2], p);
+            let turn = Transform::new().with_axis_angle([0.1, 1.0, 0.2], p);
             let map = normals_of_map(d, t);
             (bumpy(map, |m| m.transformed(&turn), d, t), camera())
         }),

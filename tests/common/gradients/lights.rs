@@ -10,10 +10,10 @@ use super::{
 /// The scene with a light and nothing else that shines.
 fn lit_by(light: Light, device: &Device, dtype: DType) -> Scene {
     scene(objects(device, dtype))
-        .map_object("light", |o| o.material(Material::diffuse([0.2; 3])))
+        .map_object("light", |o| o.with_material(Material::diffuse([0.2; 3])))
         .expect("the object")
-        .environment([0.0; 3])
-        .light(light)
+        .with_environment([0.0; 3])
+        .with_light(light)
 }
 
 /// A spot on the floor.
@@ -27,7 +27,7 @@ pub fn still() -> Vec<Case> {
     vec![
         case("point intensity", 4.0, 0.2, 1, |d, t, p| {
             let light = Light::point([0.9, 2.1, 1.2], vector(p, [1.0, 0.9, 0.8], d, t));
-            (scene(objects(d, t)).light(light), camera())
+            (scene(objects(d, t)).with_light(light), camera())
         }),
         case("irradiance", 2.0, 0.2, 1, |d, t, p| {
             let light = Light::directional([-0.4, -1.0, -0.6], vector(p, [1.0, 0.9, 0.8], d, t));
@@ -105,7 +105,7 @@ fn with_moving_uvs(scene: Scene, name: &str, p: Tensor<1>, d: &Device, t: DType)
         .slice([0..2])
         .reshape([1, 2]);
     let changed = scene.map_object(name, |o| {
-        o.material(material.clone()).map_mesh(|m| {
+        o.with_material(material.clone()).map_mesh(|m| {
             let uvs = m.uvs.clone().expect("coordinates").values.cast(t) * 1.3;
             m.with_uvs(uvs + by.clone())
         })
@@ -122,15 +122,18 @@ pub fn glowing() -> Vec<Case> {
     vec![
         case("texel of a light", 5.0, 0.5, 1, |d, t, p| {
             let m = patchwork(p, d, t);
-            (change("light", |o| o.material(m.clone()), d, t), camera())
+            (
+                change("light", |o| o.with_material(m.clone()), d, t),
+                camera(),
+            )
         }),
         seen(case("texel that is seen", 5.0, 0.5, 0, |d, t, p| {
             let m = patchwork(p, d, t);
-            let scene = with_lamp(d, t).map_object("lamp", |o| o.material(m.clone()));
+            let scene = with_lamp(d, t).map_object("lamp", |o| o.with_material(m.clone()));
             (scene.expect("the object"), camera())
         })),
         case("uvs of a light", 0.1, 0.05, 0, |d, t, p| {
-            let scene = scene(objects(d, t)).environment([0.0; 3]);
+            let scene = scene(objects(d, t)).with_environment([0.0; 3]);
             (with_moving_uvs(scene, "light", p, d, t), camera())
         }),
         seen(case("uvs that are seen", 0.1, 0.05, 0, |d, t, p| {
@@ -140,16 +143,19 @@ pub fn glowing() -> Vec<Case> {
             let m = patchwork(constant(&[6.0], [1], d, t), d, t);
             let by = vector(p, [0.3, -0.8, 0.4], d, t);
             let light = |o: Object| {
-                let o = o.material(m.clone());
+                let o = o.with_material(m.clone());
                 o.map_mesh(|mesh| mesh.translated(by.clone()))
             };
-            (change("light", light, d, t).environment([0.0; 3]), camera())
+            (
+                change("light", light, d, t).with_environment([0.0; 3]),
+                camera(),
+            )
         }),
         seen(case("textured lamp moves", 0.0, 0.02, 0, |d, t, p| {
             let m = patchwork(constant(&[6.0], [1], d, t), d, t);
             let by = vector(p, [0.8, 0.3, 0.4], d, t);
             let scene = with_lamp(d, t).map_object("lamp", |o| {
-                let o = o.material(m.clone());
+                let o = o.with_material(m.clone());
                 o.map_mesh(|mesh| mesh.translated(by.clone()))
             });
             (scene.expect("the object"), camera())
@@ -168,7 +174,7 @@ pub fn crossings() -> Vec<Case> {
         let small = cube(0.3, [0.0, 1.0, 0.0], 0.0).map_mesh(|m| m.translated(at));
         let large = cube(0.55, [-0.153, 1.0, -0.208], 0.823)
             .map_mesh(|m| m.translated([0.946, 0.767, -0.245]));
-        let scene = Scene::new().with(small).with(large);
-        (scene.environment([0.5; 3]), camera())
+        let scene = Scene::new().with_object(small).with_object(large);
+        (scene.with_environment([0.5; 3]), camera())
     })]
 }

@@ -31,14 +31,14 @@ pub fn cases() -> Vec<(String, World)> {
     for (group, named) in groups {
         for (name, world) in named {
             for form in FORMS {
-                let options = world.options.clone().visibility(form);
+                let options = world.options.clone().with_visibility(form);
                 let world = world.clone().with(|w| w.options = options);
                 all.push((format!("{group}: {name}, {form:?}"), world));
             }
         }
     }
     let mut blurred = |form: Visibility| {
-        let options = World::new().options.visibility(form);
+        let options = World::new().options.with_visibility(form);
         let world = World::new().with(|w| w.options = options);
         all.push((format!("blur: {form:?}"), world));
     };
@@ -50,7 +50,11 @@ pub fn cases() -> Vec<(String, World)> {
     for sigma in [1e-14, 1e-10, 1e-6, 1e-2, 1.0, 1e2, 1e4] {
         for gamma in [1e-8, 1e-4, 1.0, 1e2] {
             for epsilon in [0.0, 1e-3, 1.0] {
-                blurred(SoftmaxOptions::new(sigma, gamma).epsilon(epsilon).into());
+                blurred(
+                    SoftmaxOptions::new(sigma, gamma)
+                        .with_epsilon(epsilon)
+                        .into(),
+                );
             }
         }
     }
@@ -282,7 +286,7 @@ fn lights() -> Named {
         }),
         ("a thousand", {
             base().with(|w| {
-                w.options = w.options.clone().bounces(1);
+                w.options = w.options.clone().with_bounces(1);
                 let (mut vertices, mut faces) = (Vec::new(), Vec::new());
                 for i in 0..1000u32 {
                     let (x, z) = (f64::from(i % 32) / 8.0 - 2.0, f64::from(i / 32) / 8.0 - 2.0);
@@ -350,7 +354,9 @@ fn surfaces() -> Named {
 fn sizes() -> Named {
     let base = World::new;
     let of = |width, height| {
-        let options = RenderOptions::new(width, height).samples(2).bounces(1);
+        let options = RenderOptions::new(width, height)
+            .with_samples(2)
+            .with_bounces(1);
         base().with(|w| w.options = options)
     };
     let change = |f: &dyn Fn(RenderOptions) -> RenderOptions| {
@@ -360,22 +366,25 @@ fn sizes() -> Named {
         ("1 × 1", of(1, 1)),
         ("1 × 512", of(1, 512)),
         ("512 × 1", of(512, 1)),
-        ("one sample", change(&|o| o.samples(1))),
-        ("no bounce", change(&|o| o.bounces(0))),
-        ("64 bounces", change(&|o| o.samples(1).bounces(64))),
+        ("one sample", change(&|o| o.with_samples(1))),
+        ("no bounce", change(&|o| o.with_bounces(0))),
+        (
+            "64 bounces",
+            change(&|o| o.with_samples(1).with_bounces(64)),
+        ),
         (
             "roulette at once",
-            change(&|o| o.bounces(8).russian_roulette(0)),
+            change(&|o| o.with_bounces(8).with_russian_roulette(0)),
         ),
         (
             "roulette never",
-            change(&|o| o.bounces(3).russian_roulette(100)),
+            change(&|o| o.with_bounces(3).with_russian_roulette(100)),
         ),
         ("one ray a tile", {
             let options = RenderOptions::new(2, 2)
-                .samples(2)
-                .bounces(1)
-                .rays_per_tile(1);
+                .with_samples(2)
+                .with_bounces(1)
+                .with_rays_per_tile(1);
             base().with(|w| w.options = options)
         }),
         ("one triangle", {

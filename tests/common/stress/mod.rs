@@ -167,7 +167,10 @@ impl World {
             up: [0.0, 1.0, 0.0],
             fov: 40.0,
             lens: None,
-            options: RenderOptions::new(8, 8).samples(4).bounces(2).seed(3),
+            options: RenderOptions::new(8, 8)
+                .with_samples(4)
+                .with_bounces(2)
+                .with_seed(3),
         }
     }
 
@@ -218,25 +221,25 @@ impl World {
             };
             if let Some(emission) = t.emission {
                 let emission = leaves.make(name("emission"), emission.to_vec(), [3]);
-                material = material.emission(emission);
+                material = material.with_emission(emission);
             }
-            let mut object = Object::new(mesh).named(t.name).material(material);
+            let mut object = Object::new(mesh).with_name(t.name).with_material(material);
             if let Some(v) = t.velocity {
-                object = object.velocity(leaves.make(name("velocity"), v.to_vec(), [3]));
+                object = object.with_velocity(leaves.make(name("velocity"), v.to_vec(), [3]));
             }
-            scene = scene.with(object);
+            scene = scene.with_object(object);
         }
         let environment = self.environment.to_vec();
-        let scene = scene.environment(leaves.make("environment".into(), environment, [3]));
+        let scene = scene.with_environment(leaves.make("environment".into(), environment, [3]));
         let eye = leaves.make("eye".into(), self.eye.to_vec(), [3]);
         let target = leaves.make("target".into(), self.target.to_vec(), [3]);
         let up = leaves.make("up".into(), self.up.to_vec(), [3]);
         let fov = leaves.make("fov".into(), vec![self.fov], [1]);
-        let mut camera = Camera::look_at(eye, target).up(up).fov_y(fov);
+        let mut camera = Camera::look_at(eye, target).with_up(up).with_fov_y(fov);
         if let Some((aperture, focus)) = self.lens {
             let aperture = leaves.make("aperture".into(), vec![aperture], [1]);
             let focus = leaves.make("focus".into(), vec![focus], [1]);
-            camera = camera.thin_lens(aperture, focus);
+            camera = camera.with_thin_lens(aperture, focus);
         }
         (scene, camera)
     }

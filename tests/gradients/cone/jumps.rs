@@ -51,7 +51,7 @@ pub fn scene(name: &str, point: &Point) -> softray::Result<(Scene, Camera)> {
     let (d, dtype) = (&point.device, point.dtype);
     let place = point.get("place")?;
     let [x, y, turn] = [0, 1, 2].map(|i| place.clone().slice([i..i + 1]));
-    let turn = Transform::new().axis_angle([0.3, 1.0, 0.2], turn);
+    let turn = Transform::new().with_axis_angle([0.3, 1.0, 0.2], turn);
     let offset = Tensor::cat(vec![x.clone(), y.clone() + 0.7, x.clone() * 0.3], 0);
     let placed = |mesh: Mesh| mesh.transformed(&turn).translated(offset.clone());
 
@@ -68,33 +68,38 @@ pub fn scene(name: &str, point: &Point) -> softray::Result<(Scene, Camera)> {
         "mirror" => Material::phong([0.1; 3], [0.8; 3], 200.0),
         _ => Material::default(),
     };
-    let open = Scene::new().with(Object::new(floor).material(ground));
-    let room = open.clone().with(emitting(light, [3.0; 3]));
+    let open = Scene::new().with_object(Object::new(floor).with_material(ground));
+    let room = open.clone().with_object(emitting(light, [3.0; 3]));
     let scene = match name {
-        "cross" => room.with(red()).with(green()),
-        "crossmove" => room.with(red().velocity([0.3, 0.1, 0.0])).with(green()),
-        "self" => room.with(ball()).with(green()),
-        "gloss" => room.with(ball().material(gloss)),
-        "mirror" => room.with(ball().material(Material::diffuse([0.2, 0.3, 0.4]))),
-        "map" => open.with(ball()).environment(map(point)),
-        "mapgloss" => open.with(ball().material(gloss)).environment(map(point)),
-        "seam" => room.with(seam(quad(), point)),
-        "lensmove" => room.with(ball().velocity([0.4, 0.2, 0.1])),
+        "cross" => room.with_object(red()).with_object(green()),
+        "crossmove" => room
+            .with_object(red().with_velocity([0.3, 0.1, 0.0]))
+            .with_object(green()),
+        "self" => room.with_object(ball()).with_object(green()),
+        "gloss" => room.with_object(ball().with_material(gloss)),
+        "mirror" => room.with_object(ball().with_material(Material::diffuse([0.2, 0.3, 0.4]))),
+        "map" => open.with_object(ball()).with_environment(map(point)),
+        "mapgloss" => open
+            .with_object(ball().with_material(gloss))
+            .with_environment(map(point)),
+        "seam" => room.with_object(seam(quad(), point)),
+        "lensmove" => room.with_object(ball().with_velocity([0.4, 0.2, 0.1])),
         "smooth" => {
             let normals = sphere().vertices;
-            room.with(Object::new(scaled(sphere().with_normals(normals))))
+            room.with_object(Object::new(scaled(sphere().with_normals(normals))))
         }
         "wall" => {
             let wall = facing_front([-2.0, 2.0], [0.0, 2.5], -0.9, d).cast(dtype);
             let lamp = beside_the_wall(d).cast(dtype);
             let lamp = lamp.translated(Tensor::cat(vec![x, y.clone(), y * 0.0], 0));
-            open.with(Object::new(wall)).with(emitting(lamp, [5.0; 3]))
+            open.with_object(Object::new(wall))
+                .with_object(emitting(lamp, [5.0; 3]))
         }
         other => panic!("there is no scene {other:?}"),
     };
-    let camera = Camera::look_at([0.2, 1.3, 4.2], [0.0, 0.6, 0.0]).fov_y(30.0);
+    let camera = Camera::look_at([0.2, 1.3, 4.2], [0.0, 0.6, 0.0]).with_fov_y(30.0);
     let camera = match name {
-        "lensmove" => camera.thin_lens(0.2, 3.0),
+        "lensmove" => camera.with_thin_lens(0.2, 3.0),
         _ => camera,
     };
     Ok((scene, camera))
@@ -137,7 +142,8 @@ fn map(point: &Point) -> Environment {
 fn seam(quad: Mesh, point: &Point) -> Object {
     let texels = [0.8, 0.1, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1, 0.8, 0.7, 0.7, 0.2];
     let texels = tensor(&texels, [2, 2, 3], &point.device, point.dtype);
-    let mut object = Object::new(quad).material(Material::diffuse(ColorTexture::texture(texels)));
+    let mut object =
+        Object::new(quad).with_material(Material::diffuse(ColorTexture::texture(texels)));
     object.materials.push(Material::diffuse([0.1, 0.6, 0.9]));
     object.face_materials = vec![0, 1].into();
     object

@@ -125,9 +125,12 @@ fn textures_with_gloss_keep_energy() {
         "newmtl m\nKd 0.8 0.8 0.8\nKs 0.5 0.5 0.5\nNs 20\nillum 2\nmap_Kd a.exr\n",
     );
     let text = format!("mtllib m.mtl\n{SQUARE}vt 0 0\nusemtl m\nf 1/1 2/1 3/1 4/1\n");
-    let scene = folder.load(text).expect("a scene").environment([1.0; 3]);
-    let camera = Camera::look_at([0.5, 0.5, 4.0], [0.5, 0.5, 0.0]).fov_y(10.0);
-    let options = RenderOptions::new(4, 4).samples(256).bounces(1);
+    let scene = folder
+        .load(text)
+        .expect("a scene")
+        .with_environment([1.0; 3]);
+    let camera = Camera::look_at([0.5, 0.5, 4.0], [0.5, 0.5, 0.0]).with_fov_y(10.0);
+    let options = RenderOptions::new(4, 4).with_samples(256).with_bounces(1);
     let image = render(&scene, &camera, &options).expect("an image");
     let mean = image.mean().expect("values");
     assert!(mean.iter().all(|&m| m > 0.9 && m < 1.001), "{mean:?}");

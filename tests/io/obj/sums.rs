@@ -35,16 +35,16 @@ fn objects_and_materials_have_a_limit() {
     for keyword in ["o", "g", "usemtl"] {
         let names = lines(MANY, |i| format!("{keyword} n{i}\nf 1 2 3\n"));
         let error = message(folder.load(format!("{SQUARE}{names}")));
-        says(&error, ["line", "object", "LoadLimits::memory"]);
+        says(&error, ["line", "object", "LoadLimits::with_memory"]);
     }
     // Materials of several objects count for each.
     let names = lines(40, |i| format!("o {}\nusemtl {}\nf 1 2 3\n", i % 4, i % 5));
     let path = folder.write("scene.obj", format!("{SQUARE}{names}"));
     let load = |parts: u64| {
-        let limits = LoadLimits::default().memory(parts * 12_288);
+        let limits = LoadLimits::default().with_memory(parts * 12_288);
         Scene::load_within(&path, &Device::flex(), &limits)
     };
-    says(message(load(19)), ["LoadLimits::memory"]);
+    says(message(load(19)), ["LoadLimits::with_memory"]);
     assert_eq!(load(20).expect("a scene").objects.len(), 4);
 }
 
@@ -61,14 +61,20 @@ fn textures_have_a_limit() {
         folder.write("m.mtl", mtl);
         let faces = lines(9, |i| format!("usemtl m{i}\nf 1/1 2/1 3/1\n"));
         let text = format!("mtllib m.mtl\n{SQUARE}vt 0 0\n{faces}");
-        let limits = LoadLimits::default().memory(9 * 12_288 + textures * 120_000);
+        let limits = LoadLimits::default().with_memory(9 * 12_288 + textures * 120_000);
         Scene::load_within(folder.write("scene.obj", text), &Device::flex(), &limits)
     };
     // Ks of 1.00 to 1.08 are 1: one texture, and each pair is compared.
     assert!(load("1.0", 10).is_ok());
-    says(message(load("1.0", 9)), ["a.png", "LoadLimits::memory"]);
+    says(
+        message(load("1.0", 9)),
+        ["a.png", "LoadLimits::with_memory"],
+    );
     // Of 0.10 to 0.18, nine textures more.
-    says(message(load("0.1", 18)), ["a.png", "LoadLimits::memory"]);
+    says(
+        message(load("0.1", 18)),
+        ["a.png", "LoadLimits::with_memory"],
+    );
     assert!(load("0.1", 19).is_ok());
 }
 
@@ -85,12 +91,12 @@ fn thousands_of_materials() {
     let faces = lines(count, |i| format!("usemtl m{i}\nf 1/1 2/1 3/1\n"));
     let libraries = "mtllib m.mtl\nmtllib ./m.mtl m.mtl\n".repeat(1000);
     let scene = folder.load(format!("{libraries}{SQUARE}vt 0 0\n{faces}"));
-    let scene = scene.expect("a scene").environment([1.0; 3]);
+    let scene = scene.expect("a scene").with_environment([1.0; 3]);
     let object = &scene.objects[0];
     assert_eq!(object.materials.len(), count);
     assert_eq!(constant(base(&object.materials[7])), [0.25, 0.5, 1.0]);
     let camera = Camera::look_at([0.3, 0.3, 4.0], [0.3, 0.3, 0.0]);
-    let options = RenderOptions::new(2, 2).samples(1).bounces(0);
+    let options = RenderOptions::new(2, 2).with_samples(1).with_bounces(0);
     let begin = std::time::Instant::now();
     render(&scene, &camera, &options).expect("an image");
     // It took minutes.
@@ -113,18 +119,25 @@ fn concave_polygons_have_a_limit() {
     let error = message(folder.load(format!("{points}{face}")));
     says(
         &error,
-        ["line 1000001", "1000000 corners", "LoadLimits::corners"],
+        [
+            "line 1000001",
+            "1000000 corners",
+            "LoadLimits::with_corners",
+        ],
     );
 
     let (points, face) = star(2000);
-    let limits = |most| LoadLimits::default().corners(most);
+    let limits = |most| LoadLimits::default().with_corners(most);
     let load = |faces: usize, most| {
         let path = folder.write("star.obj", format!("{points}{}", face.repeat(faces)));
         Scene::load_within(path, &Device::flex(), &limits(most))
     };
     let scene = load(4, 4000).expect("a scene");
     assert_eq!(scene.objects[0].mesh.faces.len(), 4 * 1998);
-    says(message(load(5, 4000)), ["line 2005", "LoadLimits::corners"]);
+    says(
+        message(load(5, 4000)),
+        ["line 2005", "LoadLimits::with_corners"],
+    );
 
     let ply = format!(
         "ply\nformat ascii 1.0\nelement vertex 2000\nproperty float x\nproperty float y\nproperty float z\n\
@@ -136,7 +149,7 @@ fn concave_polygons_have_a_limit() {
     let device = Device::flex();
     says(
         message(Scene::load_within(&path, &device, &limits(1999))),
-        ["face 0", "LoadLimits::corners"],
+        ["face 0", "LoadLimits::with_corners"],
     );
     assert!(Scene::load_within(&path, &device, &limits(2000)).is_ok());
 }

@@ -62,10 +62,10 @@ fn constants_out_of_their_ranges() {
         told.expect(
             &format!("{name} of {found}"),
             &["ball", name, expected, found],
-            || see(ball().material(material.clone())),
+            || see(ball().with_material(material.clone())),
         );
     }
-    let lit_by = |light: Light| render(&lit(ball()).light(light), &camera(), &small());
+    let lit_by = |light: Light| render(&lit(ball()).with_light(light), &camera(), &small());
     told.expect(
         "intensity of 1e30",
         &["light 0", "intensity", "1e15"],
@@ -77,11 +77,15 @@ fn constants_out_of_their_ranges() {
         || lit_by(Light::directional([0.0, -1.0, 0.0], [-huge; 3])),
     );
     told.expect("a sky of 1e30", &["environment", "1e15"], || {
-        render(&lit(ball()).environment([huge; 3]), &camera(), &small())
+        render(
+            &lit(ball()).with_environment([huge; 3]),
+            &camera(),
+            &small(),
+        )
     });
     told.expect("a map of 1e30", &["environment", "(0, 0)", "1e15"], || {
         let map = Environment::map(texels());
-        render(&lit(ball()).environment(map), &camera(), &small())
+        render(&lit(ball()).with_environment(map), &camera(), &small())
     });
     let painted = |value: f32, tracked: bool| {
         let corners = ball().mesh.faces.clone();
@@ -112,7 +116,7 @@ fn what_is_huge_is_an_error_or_finite() {
         let texels = Tensor::<3>::full([2, 2, 3], 0.5, &flex());
         let mesh = |m: Mesh| m.with_uvs(Tensor::<2>::full([12, 2], v, &flex()));
         let of = Material::diffuse(ColorTexture::texture(texels));
-        ball().map_mesh(mesh).material(of)
+        ball().map_mesh(mesh).with_material(of)
     };
     let normals = |v: f32| ball().map_mesh(|m| m.with_normals(Tensor::full([12, 3], v, &flex())));
     let mut wrong = Vec::new();
@@ -121,11 +125,11 @@ fn what_is_huge_is_an_error_or_finite() {
         let all: Vec<(&str, Result<Image>)> = vec![
             ("eye", shown(Camera::look_at(far(v), [0.0; 3]))),
             ("target", shown(Camera::look_at([0.0, 0.0, 4.0], far(v)))),
-            ("up", shown(camera().up(far(v)))),
-            ("lens", shown(camera().thin_lens(v, 4.0))),
-            ("focus", shown(camera().thin_lens(0.1, v))),
-            ("height", shown(camera().orthographic(v))),
-            ("velocity", see(ball().velocity(far(v)))),
+            ("up", shown(camera().with_up(far(v)))),
+            ("lens", shown(camera().with_thin_lens(v, 4.0))),
+            ("focus", shown(camera().with_thin_lens(0.1, v))),
+            ("height", shown(camera().with_orthographic(v))),
+            ("velocity", see(ball().with_velocity(far(v)))),
             ("uvs", see(uvs(v as f32))),
             ("normals", see(normals(v as f32))),
         ];

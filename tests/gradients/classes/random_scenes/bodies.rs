@@ -54,13 +54,13 @@ impl Maker<'_> {
             self.description.push("normal map".into());
             let tilt = self.texels(&named("normal map"), -0.2, 0.2);
             let up = self.tensor(&[0.0, 0.0, 1.0], [1, 1, 3]);
-            material = material.normal_map(tilt + up, 1.0);
+            material = material.with_normal_map(tilt + up, 1.0);
         }
         if self.unit() < 0.15 && mesh.uvs.is_some() {
             self.description.push("mask".into());
             self.masked = true;
             let alpha: Vec<f64> = (0..16).map(|_| self.unit()).collect();
-            material = material.alpha_mask(self.tensor(&alpha, [4, 4]), 0.4);
+            material = material.with_alpha_mask(self.tensor(&alpha, [4, 4]), 0.4);
         }
         if self.unit() < 0.2 {
             self.description.push("colors of vertices".into());
@@ -73,7 +73,7 @@ impl Maker<'_> {
         }
         if self.unit() < 0.15 {
             self.description.push("it shines".into());
-            material = material.emission(self.albedo(&named("emission")));
+            material = material.with_emission(self.albedo(&named("emission")));
         }
         (mesh, material)
     }
@@ -149,9 +149,9 @@ impl Maker<'_> {
                 false => self.direction(),
             };
             let speed = self.number(&named("velocity"), speed, 0.05, true);
-            object = object.velocity(speed * self.tensor(&direction, [3]));
+            object = object.with_velocity(speed * self.tensor(&direction, [3]));
         }
-        object.named(name).material(material)
+        object.with_name(name).with_material(material)
     }
 
     /// Two bodies and perhaps a floor.
@@ -172,7 +172,11 @@ impl Maker<'_> {
             let cells = 1 + self.pick(3);
             let floor = shapes::plane_grid(5.0, 5.0, cells, cells, &d).cast(self.dtype);
             let (floor, material) = self.material("floor", floor);
-            objects.push(Object::new(floor).named("floor").material(material));
+            objects.push(
+                Object::new(floor)
+                    .with_name("floor")
+                    .with_material(material),
+            );
         }
         let (r, s) = (self.between(0.4, 0.6), self.between(0.3, 0.5));
         let mut first = self.vector(-0.3, 0.3);
@@ -209,26 +213,26 @@ impl Maker<'_> {
             maker.description.push(format!("{name} of {color}"));
             let material = Material::diffuse([color; 3]);
             Object::new(mesh.translated(at))
-                .named(name)
-                .material(material)
+                .with_name(name)
+                .with_material(material)
         };
         let at = self.tensor(&[0.0, 0.7, 0.0], [3]);
         let first = body(self, "first", at, r, true);
         let at = std::array::from_fn(|i| [0.0, 0.7, 0.0][i] + away[i] * distance);
         let at = self.along("second: translation", at, 0.015, true);
         let second = body(self, "second", at, s, false);
-        let mut scene = Scene::new().with(first).with(second);
+        let mut scene = Scene::new().with_object(first).with_object(second);
         if self.pick(3) == 0 {
             self.description.push("lamp".into());
             let d = self.device.clone();
             let lamp = shapes::plane_grid(0.8, 0.8, 1, 1, &d).cast(self.dtype);
             let lamp = lamp.rotated([1.0, 0.0, 0.0], std::f64::consts::PI);
             let lamp = Object::new(lamp.translated([0.3, 2.6, 0.8]));
-            scene = scene.with(lamp.material(Material::emitter([8.0; 3])));
+            scene = scene.with_object(lamp.with_material(Material::emitter([8.0; 3])));
         } else {
-            scene = scene.environment([0.5; 3]);
+            scene = scene.with_environment([0.5; 3]);
         }
-        let camera = Camera::look_at([0.4, 1.8, 4.5], [0.0, 0.7, 0.0]).fov_y(30.0);
-        (scene, camera.up([0.2, 1.0, 0.0]))
+        let camera = Camera::look_at([0.4, 1.8, 4.5], [0.0, 0.7, 0.0]).with_fov_y(30.0);
+        (scene, camera.with_up([0.2, 1.0, 0.0]))
     }
 }

@@ -61,9 +61,9 @@ impl RandomScene {
         let least = if maker.refracts { 2 } else { 0 };
         let bounces = maker.pick(3).max(least) as u32;
         let options = RenderOptions::new(10, 10)
-            .samples(32)
-            .bounces(bounces)
-            .blur(angle);
+            .with_samples(32)
+            .with_bounces(bounces)
+            .with_blur(angle);
         for number in &mut maker.numbers {
             number.differentiable = !(maker.masked && number.moves);
         }
@@ -86,7 +86,7 @@ impl RandomScene {
         Self {
             description: maker.description.join(", "),
             numbers: maker.numbers,
-            options: RenderOptions::new(8, 8).samples(64).bounces(0),
+            options: RenderOptions::new(8, 8).with_samples(64).with_bounces(0),
             seed,
             scene,
             camera,
@@ -211,7 +211,7 @@ impl<'a> Maker<'a> {
         match self.pick(4) {
             0 => {
                 let radiance = self.color("environment", 0.3, 0.9);
-                scene = scene.environment(radiance);
+                scene = scene.with_environment(radiance);
             }
             1 => {
                 let texels: Vec<f64> = (0..96).map(|_| self.between(0.1, 1.2)).collect();
@@ -220,9 +220,9 @@ impl<'a> Maker<'a> {
                 let [texels, one] = [texels, one].map(|v| self.tensor(&v, [4, 8, 3]));
                 let map = Environment::map(texels + one * p.reshape([1, 1, 1]));
                 self.description.push("map".into());
-                scene = scene.environment(map);
+                scene = scene.with_environment(map);
             }
-            _ => scene = scene.environment(self.vector(0.05, 0.2)),
+            _ => scene = scene.with_environment(self.vector(0.05, 0.2)),
         }
         let kind = self.pick(6);
         let place = [
@@ -252,7 +252,10 @@ impl<'a> Maker<'a> {
                 self.description
                     .push(["square lamp", "round lamp"][kind].into());
                 let lamp = Object::new(self.with_coordinates(lamp).translated(place));
-                scene = scene.with(lamp.named("lamp").material(Material::emitter(radiance)));
+                scene = scene.with_object(
+                    lamp.with_name("lamp")
+                        .with_material(Material::emitter(radiance)),
+                );
             }
             2 | 3 => {
                 self.delta = true;
@@ -270,14 +273,14 @@ impl<'a> Maker<'a> {
                     }
                 };
                 self.description.push(["point", "spot"][kind - 2].into());
-                scene = scene.light(light);
+                scene = scene.with_light(light);
             }
             4 => {
                 self.delta = true;
                 let irradiance = self.color("light: irradiance", 1.0, 3.0);
                 let direction = self.along("light: direction", [-0.4, -1.0, -0.3], 0.04, true);
                 self.description.push("directional".into());
-                scene = scene.light(Light::directional(direction, irradiance));
+                scene = scene.with_light(Light::directional(direction, irradiance));
             }
             _ => {}
         }
@@ -296,26 +299,26 @@ impl<'a> Maker<'a> {
         );
         // Tilted, so that no edge lies along a row of pixels.
         let up = [self.between(0.1, 0.4), 1.0, 0.0];
-        let camera = Camera::look_at(eye, target).up(up);
+        let camera = Camera::look_at(eye, target).with_up(up);
         if self.unit() < 0.2 {
             self.description.push("parallel rays".into());
             let height = self.number("camera: height", 2.6, 0.08, true);
-            return camera.orthographic(height);
+            return camera.with_orthographic(height);
         }
         let fov = self.between(28.0, 42.0);
-        let camera = camera.fov_y(self.number("camera: field of view", fov, 0.8, true));
+        let camera = camera.with_fov_y(self.number("camera: field of view", fov, 0.8, true));
         if self.unit() < 0.25 {
             self.description.push("lens".into());
             let aperture = self.number("lens: aperture", 0.15, 0.01, true);
             let focus = self.number("lens: focus", 3.8, 0.1, true);
-            return camera.thin_lens(aperture, focus);
+            return camera.with_thin_lens(aperture, focus);
         }
         camera
     }
 
     fn scene(&mut self) -> (Scene, Camera) {
         let objects = self.bodies();
-        let scene = objects.into_iter().fold(Scene::new(), Scene::with);
+        let scene = objects.into_iter().fold(Scene::new(), Scene::with_object);
         let scene = self.lights(scene);
         (scene, self.camera())
     }

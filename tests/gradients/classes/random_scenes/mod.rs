@@ -114,11 +114,11 @@ fn rows(scene: &RandomScene, names: &[&str], step: f64, precision: f64, renders:
         .map(|n| Checked::new(n.name(), [n.value], n.step * step))
         .collect();
     let settings = GradCheck::new(scene.options.clone(), &Device::flex())
-        .precision(precision)
-        .tolerance(0.02)
-        .seeds(16, renders)
-        .objective(spot)
-        .only(names);
+        .with_precision(precision)
+        .with_tolerance(0.02)
+        .with_seeds(16, renders)
+        .with_objective(spot)
+        .with_parameters(names);
     let report = gradcheck(&parameters, &settings, |point| Ok(scene.build(point)));
     report
         .unwrap_or_else(|e| panic!("{}: {e}", scene.description))
