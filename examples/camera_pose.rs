@@ -28,10 +28,7 @@ fn scene(device: &Device) -> Scene {
     let block = |size: [f64; 3], place: [f64; 3], degrees: f64, color: [f64; 3]| {
         let pose = Transform::new()
             .with_scale(Tensor::from_floats(size.map(|s| 0.5 * s), device))
-            .with_axis_angle(
-                [0.0, 1.0, 0.0],
-                Tensor::from_floats([degrees.to_radians()], device),
-            )
+            .with_axis_angle([0.0, 1.0, 0.0], Tensor::from_floats([degrees], device))
             .with_translation(Tensor::from_floats(place, device));
         Object::new(shapes::cube(device).transformed(&pose)).with_material(Material::diffuse(color))
     };

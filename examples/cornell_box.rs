@@ -23,11 +23,11 @@ struct Arguments {
     /// Bounces after the first surface.
     #[arg(long, default_value_t = 3)]
     bounces: u32,
-    /// Half-angle of the ray cones in radians.
+    /// Half-angle of the ray cones, in degrees.
     #[arg(long, default_value_t = 0.0)]
     angle: f64,
-    /// Half-angle of the ray cones in the fit, in radians.
-    #[arg(long, default_value_t = 0.03)]
+    /// Half-angle of the ray cones in the fit, in degrees.
+    #[arg(long, default_value_t = 1.7)]
     fit_angle: f64,
     /// Number of steps of the fit.
     #[arg(long, default_value_t = 170)]
@@ -137,8 +137,8 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
         .with_bounces(1)
         .with_blur(arguments.angle)
         .with_samples(64);
-    let show = |radians: f64, options: &RenderOptions| -> Result<HostImage, Box<dyn Error>> {
-        let angle = Tensor::<1>::from_floats([radians as f32], device);
+    let show = |degrees: f64, options: &RenderOptions| -> Result<HostImage, Box<dyn Error>> {
+        let angle = Tensor::<1>::from_floats([degrees as f32], device);
         let image = render(&turned(file, &angle)?, &file.camera, options)?;
         Ok(HostImage::from_tensor(&image.radiance)?)
     };
@@ -149,7 +149,7 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
     )?;
     let target = target_image.clone().into_tensor(device).clamp(0.0, 1.0);
 
-    let initial = [arguments.degrees.to_radians() as f32];
+    let initial = [arguments.degrees as f32];
     let mut angle = Param::from_tensor(Tensor::<1>::from_floats(
         initial,
         &device.clone().autodiff(),
@@ -178,7 +178,7 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
         let mut gradients = GradientsParams::new();
         gradients.register(angle.id, a + b);
         let done = step as f64 / arguments.steps as f64;
-        let rate = 0.02 * 0.5 * (1.0 + (std::f64::consts::PI * done).cos());
+        let rate = 0.5 * (1.0 + (std::f64::consts::PI * done).cos());
         angle = adam.step(rate, angle, gradients);
         bar.inc(1);
     }
@@ -187,12 +187,12 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
     println!(
         "angle: {:.2}° at the start, {:.2}° after {} steps, {:.1} s",
         arguments.degrees,
-        found.to_degrees(),
+        found,
         arguments.steps,
         start.elapsed().as_secs_f64()
     );
     // The pictures are larger and sharp; the fit used blurred ones.
-    let before = show(arguments.degrees.to_radians(), &sharp)?;
+    let before = show(arguments.degrees, &sharp)?;
     let after = show(found, &sharp)?;
     let target_image = show(0.0, &sharp)?;
     let path = arguments.out.join("cornell_box_fit.png");

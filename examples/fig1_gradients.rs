@@ -93,7 +93,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
             .with_blur(angle);
         picture(&cornell.scene, &cornell.camera, &options)
     };
-    let (sharp, soft, wide) = (boxed(0.0)?, boxed(0.02)?, boxed(0.1)?);
+    let (sharp, soft, wide) = (boxed(0.0)?, boxed(1.0)?, boxed(6.0)?);
 
     let largest = differences.iter().fold(0.0f64, |a, x| a.max(x.abs()));
     let colors = Diverging::new(0.7 * largest)?;
@@ -106,11 +106,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
             signed("∂/∂x", derivatives),
             signed("differences", differences),
         ])
-        .with_row([
-            ("cones of 0 radians", &sharp),
-            ("0.02 radians", &soft),
-            ("0.1 radians", &wide),
-        ]);
+        .with_row([("cones of 0°", &sharp), ("1°", &soft), ("6°", &wide)]);
     std::fs::create_dir_all(&arguments.out)?;
     let path = arguments.out.join("fig1_gradients.png");
     figure.write(&path)?;

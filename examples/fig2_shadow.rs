@@ -88,7 +88,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             AdamConfig::new().with_beta_2(0.99).init(),
         )
         .with_rate(Rate::exponential(0.06, 0.006))
-        .with_blur(BlurSchedule::decay(1.15, 0.02, study.steps() * 2 / 3)?)
+        .with_blur(BlurSchedule::decay(66.0, 1.0, study.steps() * 2 / 3)?)
         .run(|caster: &Caster, step: &_| shadow.evaluate(caster, step))?;
 
     let found = numbers(&fitted.module.offset.val());

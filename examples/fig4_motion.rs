@@ -90,7 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let fitted = study
         .fit(module, AdamConfig::new().with_beta_2(0.99).init())
         .with_rate(Rate::cosine(0.01))
-        .with_blur(BlurSchedule::decay(0.3, 0.01, study.steps() / 2)?)
+        .with_blur(BlurSchedule::decay(17.0, 0.6, study.steps() / 2)?)
         .run(|moving: &Moving, step: &_| {
             let (vertices, velocity) = (moving.vertices.val(), moving.velocity.val() * UNIT);
             let scene = scene(vertices.clone(), velocity.clone());

@@ -107,7 +107,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let fitted = study
         .fit(module, steps)
         .with_rate(Rate::exponential(0.2, 0.02))
-        .with_blur(BlurSchedule::decay(0.04, 0.01, study.steps() / 2)?)
+        .with_blur(BlurSchedule::decay(2.3, 0.6, study.steps() / 2)?)
         .run(|body: &Body, step: &_| {
             let vertices = body.vertices.val();
             let scene = scene(ball.clone().with_vertices(vertices.clone()));
@@ -174,12 +174,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             ("silhouette IoU at the end".into(), iou(&found)?),
         ],
     };
-    let plots = vec![
-        fitted
-            .history
-            .plot("blur, radians", &["blur"])?
-            .with_log_scale(),
-    ];
+    let plots = vec![fitted.history.plot("blur, °", &["blur"])?.with_log_scale()];
     study.finish(&fitted, images, plots, outcome)
 }
 

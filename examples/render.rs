@@ -42,7 +42,7 @@ pub struct Arguments {
     /// Bounces after the first surface.
     #[arg(long, default_value_t = 3)]
     bounces: u32,
-    /// Half-angle of the ray cones in radians.
+    /// Half-angle of the ray cones, in degrees.
     #[arg(long, default_value_t = 0.0)]
     angle: f64,
     /// Radius of the pixel filter beyond the pixel itself, in pixels.

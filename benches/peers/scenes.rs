@@ -72,7 +72,7 @@ impl Motion {
         let mut vertices = vertices.clone();
         if let Some(axis) = self.turn {
             let center = row(self.center);
-            let turn = Transform::new().with_axis_angle(axis, x.clone());
+            let turn = Transform::new().with_axis_angle(axis, x.clone() * 1f64.to_degrees());
             vertices = turn.apply(vertices - center.clone()) + center;
         }
         if let Some(way) = self.translate {

@@ -14,7 +14,7 @@ use softray::prelude::*;
 struct Arguments {
     #[command(subcommand)]
     part: Part,
-    /// Half-angle of the cones of bounce and shadow rays, radians.
+    /// Half-angle of the cones of bounce and shadow rays, degrees.
     #[arg(long, global = true, default_value_t = 0.0)]
     angle: f64,
     /// Radius of the camera's cone, pixels.

@@ -97,7 +97,7 @@ impl Goal {
         })
     }
 
-    /// Returns the angle of a pixel in radians.
+    /// Returns the angle of a pixel in degrees.
     pub fn pixel(&self) -> softray::Result<f64> {
         pixel_angle(&self.camera, self.size)
     }
@@ -142,7 +142,7 @@ pub trait Problem {
     /// Returns the distance of parameters from the target's.
     fn error(&self, module: &Self::Module) -> f64;
 
-    /// Returns the angle of a pixel in radians.
+    /// Returns the angle of a pixel in degrees.
     fn pixel(&self) -> softray::Result<f64>;
 
     /// Returns the loss of a step.

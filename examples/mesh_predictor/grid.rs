@@ -66,7 +66,7 @@ pub fn write(
                 .plot("parts of the loss", &["image", "silhouette"])?
                 .with_log_scale(),
         )
-        .with_plot(history.plot("blur, radians", &["blur"])?.with_log_scale())
+        .with_plot(history.plot("blur, °", &["blur"])?.with_log_scale())
         .write(path)?;
     Ok(())
 }

@@ -8,9 +8,11 @@ pub const SIZE: usize = 64;
 const DISTANCE: f64 = 4.2;
 const FOV: f64 = 29.0;
 
-/// Returns the angle of a pixel in radians.
+/// Returns the angle of a pixel in degrees.
 pub fn pixel() -> f64 {
-    (2.0 * (0.5 * FOV.to_radians()).tan() / SIZE as f64).atan()
+    (2.0 * (0.5 * FOV.to_radians()).tan() / SIZE as f64)
+        .atan()
+        .to_degrees()
 }
 
 /// The direction of a camera or lamp from the origin, in radians: the angle about the y axis, from z towards x, and

@@ -342,7 +342,7 @@ impl LightDocument {
                 outer_degrees,
                 ..
             } => {
-                let [inner, outer] = [inner_degrees, outer_degrees].map(f64::to_radians);
+                let [inner, outer] = [inner_degrees, outer_degrees];
                 Light::spot(position, direction, intensity, inner, outer)
             }
             Self::Directional {

@@ -82,8 +82,9 @@ impl DeltaLight {
     /// direction as given.
     pub fn by_part(&self, by: [f64; 11], part: LightPart, unit: f64, length: f64) -> [f64; 3] {
         let [position, axis, strength] = [0, 3, 6].map(|k| DVec3::from_slice(&by[k..]));
-        // The derivative of a cosine with respect to its angle.
-        let slope = |cosine: f32| -(1.0 - f64::from(cosine).powi(2)).max(0.0).sqrt();
+        // The derivative of a cosine with respect to its angle in degrees.
+        let slope =
+            |cosine: f32| -(1.0 - f64::from(cosine).powi(2)).max(0.0).sqrt() * 1f64.to_radians();
         match part {
             LightPart::Position => (position / unit).to_array(),
             LightPart::Direction => {

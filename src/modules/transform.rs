@@ -54,7 +54,7 @@ impl RigidTransformConfig {
 /// let pose = RigidTransformConfig::new()
 ///     .with_scale(true)
 ///     .init(&device)
-///     .with_axis_angle([0.0, 1.0, 0.0], 0.5)?
+///     .with_axis_angle([0.0, 1.0, 0.0], 30.0)?
 ///     .with_translation([0.0, 0.2, 0.0])?
 ///     .with_scale(0.7)?;
 /// let cube = pose.apply(shapes::cube(&Device::flex()));
@@ -87,25 +87,26 @@ impl RigidTransform {
         }
     }
 
-    /// Sets the rotation to an angle in radians about an axis of any length except 0.
+    /// Sets the rotation to an angle in degrees about an axis of any length except 0.
     ///
     /// # Errors
     /// If the axis is 0, or a number is not finite.
-    pub fn with_axis_angle(self, axis: [f64; 3], angle: f64) -> Result<Self> {
-        Range::Finite.check(OBJECT, "angle", &[angle])?;
+    pub fn with_axis_angle(self, axis: [f64; 3], degrees: f64) -> Result<Self> {
+        Range::Finite.check(OBJECT, "angle", &[degrees])?;
         let Some(axis) = glam::DVec3::from_array(axis).try_normalize() else {
             let found = format!("{axis:?}");
             return Err(Error::invalid(OBJECT, "axis", found, "a direction"));
         };
-        Ok(self.rotated(glam::DQuat::from_axis_angle(axis, angle)))
+        Ok(self.rotated(glam::DQuat::from_axis_angle(axis, degrees.to_radians())))
     }
 
-    /// Sets the rotation to angles in radians about the axes x, y and z of the scene, applied in that order.
+    /// Sets the rotation to angles in degrees about the axes x, y and z of the scene, applied in that order.
     ///
     /// # Errors
     /// If an angle is not finite.
-    pub fn with_euler(self, [x, y, z]: [f64; 3]) -> Result<Self> {
-        Range::Finite.check(OBJECT, "angles", &[x, y, z])?;
+    pub fn with_euler(self, degrees: [f64; 3]) -> Result<Self> {
+        Range::Finite.check(OBJECT, "angles", &degrees)?;
+        let [x, y, z] = degrees.map(f64::to_radians);
         let rotation = glam::DQuat::from_euler(glam::EulerRot::ZYX, z, y, x);
         Ok(self.rotated(rotation))
     }

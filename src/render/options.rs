@@ -65,7 +65,7 @@ pub struct RenderOptions {
     pub visibility: Visibility,
     /// See [`RenderOptions::with_engine`].
     pub engine: Engine,
-    /// The half-angle of all cones, including those of camera rays, in radians ([`RenderOptions::with_blur`]). It replaces
+    /// The half-angle of all cones, including those of camera rays, in degrees ([`RenderOptions::with_blur`]). It replaces
     /// the angle of `visibility`.
     pub blur: Option<f64>,
     /// See [`RenderOptions::with_sampling`].
@@ -250,11 +250,11 @@ impl RenderOptions {
         with_statistics() statistics = true;
     }
 
-    /// Sets the half-angle of all cones in radians, in [0, 1.2), for fits that reduce the blur step by step. It also
+    /// Sets the half-angle of all cones in degrees, in [0, 68), for fits that reduce the blur step by step. It also
     /// applies to camera rays if it is wider than the pixel filter. With the softmax, a render returns an error; set
     /// [`SoftmaxOptions::sigma`](super::SoftmaxOptions::sigma) instead.
-    pub fn with_blur(mut self, angle: f64) -> Self {
-        self.blur = Some(angle);
+    pub fn with_blur(mut self, degrees: f64) -> Self {
+        self.blur = Some(degrees);
         self
     }
 
@@ -306,6 +306,11 @@ impl RenderOptions {
             (Visibility::Cone { pixels, .. }, Some(angle)) => Visibility::Cone { angle, pixels },
             (form, _) => form,
         }
+    }
+
+    /// The tangent of the blur's angle; 0 without a blur.
+    pub(super) fn blur_slope(&self) -> f64 {
+        self.blur.unwrap_or(0.0).to_radians().tan()
     }
 
     /// The samples of a pixel that are rendered.

@@ -48,10 +48,10 @@ pub enum Light {
         direction: Parameter<3>,
         /// Radiant intensity within the inner angle, RGB.
         intensity: Parameter<3>,
-        /// The angle to the direction, in radians, up to which the light has its full intensity.
+        /// The angle to the direction, in degrees, up to which the light has its full intensity.
         inner: Parameter<1>,
-        /// The angle to the direction, in radians, from which on the intensity is 0. At least the inner angle, at most
-        /// π/2.
+        /// The angle to the direction, in degrees, from which on the intensity is 0. At least the inner angle, at most
+        /// 90.
         outer: Parameter<1>,
     },
     /// Shines from far away in one direction, with the same irradiance everywhere.
@@ -118,7 +118,7 @@ impl Light {
 
     /// Creates a light that shines in a cone ([`Light::Spot`]).
     /// `position` is in scene units. `intensity` is the radiant intensity within the inner angle, RGB. It falls off to
-    /// 0 between the angles `inner` and `outer` to the direction, in radians.
+    /// 0 between the angles `inner` and `outer` to the direction, in degrees.
     pub fn spot(
         position: impl Into<Parameter<3>>,
         direction: impl Into<Parameter<3>>,
@@ -232,11 +232,12 @@ impl Light {
             host.direction = direction.values()?;
         }
         if let Self::Spot { inner, outer, .. } = self {
-            host.angles = [inner.values()?[0], outer.values()?[0]];
-            let [inner, outer] = host.angles;
-            let valid = inner <= outer && outer <= std::f64::consts::FRAC_PI_2 + 1e-6;
+            let [inner, outer] = [inner.values()?[0], outer.values()?[0]];
+            host.angles = [inner, outer].map(f64::to_radians);
+            // The limit is above 90, since f32 may have rounded the angle.
+            let valid = inner <= outer && outer <= 90.0001;
             let (field, found) = ("inner and outer angle", format!("[{inner}, {outer}]"));
-            Error::unless(valid, name, field, found, "inner ≤ outer ≤ π/2, in radians")?;
+            Error::unless(valid, name, field, found, "inner ≤ outer ≤ 90, in degrees")?;
         }
         let length = glam::DVec3::from(host.direction).length();
         if !(1e-18..=1e18).contains(&length) {
@@ -297,7 +298,7 @@ impl LightPlanes {
             let [inner, outer] = match light {
                 Light::Spot { inner, outer, .. } => [inner, outer].map(|angle| {
                     let [angle] = angle.planes(context);
-                    sin_cos(angle).1
+                    sin_cos(angle * 1f64.to_radians()).1
                 }),
                 _ => [number(1.0), number(-1.0)],
             };

@@ -120,7 +120,7 @@ impl Mesh {
         }
     }
 
-    /// Rotates the mesh about an axis through the origin by an angle in radians.
+    /// Rotates the mesh about an axis through the origin by an angle in degrees.
     ///
     /// The rotation is counter-clockwise seen from the axis's tip. The axis is three numbers or a tensor `[3]` of any
     /// length but 0. The angle is a number or a tensor `[1]`. Both are differentiable. Shading normals and tangents
@@ -132,22 +132,22 @@ impl Mesh {
     /// ```
     /// use softray::prelude::*;
     /// let device = Device::flex();
-    /// let angle = Tensor::<1>::from_floats([0.3], &device).autodiff().require_grad();
-    /// let cube = shapes::cube(&device).rotated([0.0, 1.0, 0.0], 45f64.to_radians());
+    /// let angle = Tensor::<1>::from_floats([20.0], &device).autodiff().require_grad();
+    /// let cube = shapes::cube(&device).rotated([0.0, 1.0, 0.0], 45.0);
     /// assert!((cube.bounds()?.max[0] - 2f64.sqrt()).abs() < 1e-6);
     /// assert!(cube.rotated([1.0, 0.0, 0.0], angle).vertices.is_tracked());
     /// # Ok::<(), softray::Error>(())
     /// ```
-    pub fn rotated(self, axis: impl Into<Parameter<3>>, radians: impl Into<Parameter<1>>) -> Self {
-        let (axis, radians) = (axis.into(), radians.into());
-        match self.quaternion(&axis, &radians) {
+    pub fn rotated(self, axis: impl Into<Parameter<3>>, degrees: impl Into<Parameter<1>>) -> Self {
+        let (axis, degrees) = (axis.into(), degrees.into());
+        match self.quaternion(&axis, &degrees) {
             Ok(quaternion) => self.transformed(&Transform::new().with_quaternion(quaternion)),
             Err(mistake) => self.mistaken(mistake),
         }
     }
 
-    fn quaternion(&self, axis: &Parameter<3>, radians: &Parameter<1>) -> Read<Tensor<1>> {
-        let (_, angle) = self.read("rotated by an angle of", radians)?;
+    fn quaternion(&self, axis: &Parameter<3>, degrees: &Parameter<1>) -> Read<Tensor<1>> {
+        let (_, angle) = self.read("rotated by an angle of", degrees)?;
         let about = "rotated about an axis of";
         let (values, axis) = self.read(about, axis)?;
         if values == [0.0; 3] {
@@ -160,7 +160,7 @@ impl Mesh {
         let largest = values.iter().fold(0f64, |m, v| m.max(v.abs()));
         let axis = axis * largest.recip();
         let unit = axis.clone() / (axis.clone() * axis).sum().sqrt();
-        let (sin, cos) = sin_cos(angle * 0.5);
+        let (sin, cos) = sin_cos(angle * 0.5f64.to_radians());
         Ok(Tensor::cat(vec![cos, unit * sin], 0))
     }
 

@@ -93,9 +93,9 @@ impl Transform {
         self
     }
 
-    /// Sets the rotation by an angle `[1]` in radians about an axis of any length but 0.
-    pub fn with_axis_angle(mut self, axis: [f64; 3], angle: Tensor<1>) -> Self {
-        if !self.has_length("axis_angle with an angle", &angle, &[1]) {
+    /// Sets the rotation by an angle `[1]` in degrees about an axis of any length but 0.
+    pub fn with_axis_angle(mut self, axis: [f64; 3], degrees: Tensor<1>) -> Self {
+        if !self.has_length("axis_angle with an angle", &degrees, &[1]) {
             return self;
         }
         let Some(axis) = glam::DVec3::from_array(axis).try_normalize() else {
@@ -105,7 +105,7 @@ impl Transform {
             ));
             return self;
         };
-        let (sin, cos) = sin_cos(angle * 0.5);
+        let (sin, cos) = sin_cos(degrees * 0.5f64.to_radians());
         let q = vec![
             cos,
             sin.clone() * axis.x,

@@ -22,7 +22,7 @@ pub enum Visibility {
     /// of the rendered image. They sample silhouettes, borders, creases, and lines in which surfaces pass through each
     /// other separately, so they are correct at an angle of 0 too, and not noisier there.
     Cone {
-        /// Half-angle of the cones of bounce and shadow rays in radians, at least 0 and less than 1.2. It softens
+        /// Half-angle of the cones of bounce and shadow rays in degrees, at least 0 and less than 68. It softens
         /// shadows and reflections with a standard deviation of 0.35 of the angle.
         angle: f64,
         /// Radius of the pixel filter beyond the pixel itself, in pixels, at least 0. The kernel is (1 − r²)² in x and
@@ -141,7 +141,11 @@ impl From<SoftmaxOptions> for Visibility {
 
 /// The parameters with which a form of visibility is computed.
 pub(crate) enum VisibilityForm {
-    Cones { angle: f64, pixels: f64 },
+    /// Cones of a half-angle in radians.
+    Cones {
+        angle: f64,
+        pixels: f64,
+    },
     Softmax(Softmax, SoftmaxOptions),
 }
 
@@ -156,7 +160,7 @@ impl fmt::Display for Visibility {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Cone { angle, pixels } => {
-                write!(f, "cones of {angle} rad, filter of {pixels} px")
+                write!(f, "cones of {angle}°, filter of {pixels} px")
             }
             Self::Softmax(SoftmaxOptions {
                 sigma,
@@ -169,7 +173,7 @@ impl fmt::Display for Visibility {
 }
 
 impl Visibility {
-    /// Returns cones of a half-angle in radians, with a pixel filter of radius half a pixel.
+    /// Returns cones of a half-angle in degrees, with a pixel filter of radius half a pixel.
     pub const fn cone(angle: f64) -> Self {
         Self::Cone { angle, pixels: 0.5 }
     }
@@ -183,7 +187,10 @@ impl Visibility {
     /// Returns the parameters of the form, with lengths in units of `unit`.
     pub(crate) fn form(&self, unit: f64) -> VisibilityForm {
         match *self {
-            Self::Cone { angle, pixels } => VisibilityForm::Cones { angle, pixels },
+            Self::Cone { angle, pixels } => VisibilityForm::Cones {
+                angle: angle.to_radians(),
+                pixels,
+            },
             Self::Softmax(options) => {
                 let parameters = Softmax {
                     sigma: options.sigma / (unit * unit),
@@ -211,8 +218,8 @@ impl Visibility {
             |field, value, expected| Err(Error::invalid("options", field, value, expected));
         match *self {
             Self::Cone { angle, pixels } => {
-                if !(0.0..1.2).contains(&angle) {
-                    return invalid("blur angle", angle, "radians in [0, 1.2)");
+                if !(0.0..68.0).contains(&angle) {
+                    return invalid("blur angle", angle, "degrees in [0, 68)");
                 }
                 if !(pixels.is_finite() && pixels >= 0.0) {
                     return invalid("pixels", pixels, "a finite number ≥ 0");

@@ -162,7 +162,13 @@ pub fn clamped_cases() -> Vec<Case> {
     let glass: Build = |d, t, p| with("ball", Material::dielectric(1.5, p), d, t);
     // The cosines of its angles are nearer than what its falloff is divided by.
     let inner: Build = |d, t, p| {
-        let spot = Light::spot([0.5, 2.0, 1.0], [-0.2, -1.0, -0.4], [9.0; 3], p, 0.5005);
+        let spot = Light::spot(
+            [0.5, 2.0, 1.0],
+            [-0.2, -1.0, -0.4],
+            [9.0; 3],
+            p * 1f64.to_degrees(),
+            0.5005f64.to_degrees(),
+        );
         (scene(objects(d, t)).with_light(spot), camera())
     };
     [

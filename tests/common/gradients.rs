@@ -161,7 +161,7 @@ fn classes() -> Vec<Case> {
             (s, camera())
         }),
         case("rotation", 0.1, 0.02, 0, |d, t, p| {
-            let turn = Transform::new().with_axis_angle([0.3, 1.0, 0.2], p);
+            let turn = Transform::new().with_axis_angle([0.3, 1.0, 0.2], p * 1f64.to_degrees());
             (
                 change("triangle", |o| o.map_mesh(|m| m.transformed(&turn)), d, t),
                 camera(),
@@ -292,7 +292,7 @@ pub const SHARP: Visibility = Visibility::Cone {
 /// Cones that blur by about a pixel.
 pub const CONES: Effort = Effort {
     visibility: Visibility::Cone {
-        angle: 0.05,
+        angle: 2.865,
         pixels: 0.5,
     },
     samples: 64,

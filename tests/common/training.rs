@@ -160,7 +160,7 @@ impl Training {
         let options = RenderOptions::new(SIZE, SIZE)
             .with_samples(2)
             .with_bounces(0)
-            .with_blur(0.02);
+            .with_blur(1.146);
         let scales: [[f32; 3]; ITEMS] = [[0.8, 1.1, 0.9], [1.2, 0.7, 1.0]];
         let scales = Tensor::<2>::from_data(TensorData::from(scales), device);
         let vertices = ball.vertices.clone().unsqueeze::<3>();

@@ -61,8 +61,8 @@ fn renderers_and_configurations() {
     fails(options.clone().with_samples(0), "samples is 0");
     fails(RenderOptions::new(0, 6), "width is 0");
     let mut blurred = options.clone().with_visibility(Visibility::cone(0.0));
-    blurred.blur = Some(2.0);
-    fails(blurred, "blur angle is 2");
+    blurred.blur = Some(70.0);
+    fails(blurred, "blur angle is 70");
     let few =
         r#"{"width": 4, "height": 4, "visibility": {"Softmax": {"sigma": 0.1, "gamma": 0.2}}}"#;
     let few: RenderOptions = serde_json::from_str(few).expect("options");

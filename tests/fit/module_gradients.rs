@@ -86,7 +86,7 @@ fn gradients_of_meshes_and_transforms() {
             .with_rotation(form)
             .with_scale(true)
             .init(&autodiff())
-            .with_axis_angle([1.0, 2.0, 0.5], 0.7)
+            .with_axis_angle([1.0, 2.0, 0.5], 40.0)
             .and_then(|p| p.with_scale(0.8))
             .expect("a pose");
         let components = [("rotation", 1), ("translation", 0), ("log_scale", 0)];

@@ -114,7 +114,7 @@ fn values_come_back() {
 fn turns_come_back() {
     let device = Device::flex();
     let rows = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
-    let quarter = std::f64::consts::FRAC_PI_2;
+    let quarter = 90.0;
     for form in [RotationForm::SixD, RotationForm::Quaternion] {
         let new = || {
             RigidTransformConfig::new()

@@ -156,7 +156,7 @@ fn cases() -> Vec<Case> {
                     .with_environment([0.3, 0.4, 0.5]);
                 (scene, camera)
             },
-            options: |o| o.with_bounces(1).with_visibility(Visibility::cone(0.05)),
+            options: |o| o.with_bounces(1).with_visibility(Visibility::cone(2.865)),
             pixels: None,
         },
         Case {

@@ -267,7 +267,8 @@ fn cornell_box(point: &Point, camera: Camera) -> softray::Result<(Scene, Camera)
         object.mesh = object.mesh.clone().cast(point.dtype);
     }
     let (vertex, translation) = (point.get("vertex")?, point.get("translation")?);
-    let turn = Transform::new().with_axis_angle([1.0, 0.2, 0.3], point.get("rotation")?);
+    let turn = Transform::new()
+        .with_axis_angle([1.0, 0.2, 0.3], point.get("rotation")? * 1f64.to_degrees());
     let velocity = point.get("velocity")?;
     let constant = |v: &[f64]| Tensor::<1>::from_data(v, (&point.device, point.dtype));
     let texel = point.get("texel")?.reshape([1, 1, 1]);
@@ -339,7 +340,7 @@ fn the_cornell_box_in_every_class_of_parameter() {
     let options = RenderOptions::new(12, 12)
         .with_samples(16)
         .with_bounces(1)
-        .with_blur(0.05);
+        .with_blur(2.865);
     let (precision, least, most) = if long {
         (cornell_precision(), 256, 1_000_000)
     } else {

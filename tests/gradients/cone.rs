@@ -46,7 +46,7 @@ fn jumps_of_every_kind() {
                 failures.push(format!("{with}: {:?}", rows[0].verdict));
             }
         }
-        for angle in [0.0, 0.05].into_iter().filter(|_| long) {
+        for angle in [0.0, 2.865].into_iter().filter(|_| long) {
             for row in report(with, angle, place(), 0.003, [16, 600]) {
                 match row.verdict {
                     Verdict::Agrees => {}
@@ -102,7 +102,8 @@ fn derivatives_of_the_references() {
                                 }
                             }
                             let center = Tensor::<1>::from_data(center.as_slice(), &device);
-                            let turn = Transform::new().with_axis_angle([0.0, 1.0, 0.0], x.clone());
+                            let turn = Transform::new()
+                                .with_axis_angle([0.0, 1.0, 0.0], x.clone() * 1f64.to_degrees());
                             m.translated(center.clone().neg())
                                 .transformed(&turn)
                                 .translated(center)
@@ -208,7 +209,7 @@ fn closed_meshes_are_closed() {
             let options = RenderOptions::new(48, 48)
                 .with_samples(32)
                 .with_bounces(3)
-                .with_blur(0.05)
+                .with_blur(2.865)
                 .with_opacity();
             let image = render(&scene, &camera, &options).expect("an image");
             let opacity = values(&image.opacity.expect("opacity"));

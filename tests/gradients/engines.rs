@@ -143,9 +143,9 @@ fn outcome(engine: Engine, sky: bool, form: Visibility) -> (Vec<Vec<f64>>, Vec<V
 fn everything_at_once() {
     for (sky, form) in [
         (false, Visibility::cone(0.0)),
-        (false, Visibility::cone(0.1)),
+        (false, Visibility::cone(5.73)),
         (true, Visibility::cone(0.0)),
-        (true, Visibility::cone(0.1)),
+        (true, Visibility::cone(5.73)),
     ] {
         let kernels = outcome(Engine::Kernels, sky, form);
         let tensors = outcome(Engine::Tensors, sky, form);

@@ -19,7 +19,8 @@ fn of_a_loss(options: &RenderOptions) -> (f64, Vec<f64>) {
     let scene = file
         .scene
         .map_object("short", |o| {
-            let turn = Transform::new().with_axis_angle([0.0, 1.0, 0.0], angle.clone().sin() * 0.5);
+            let turn =
+                Transform::new().with_axis_angle([0.0, 1.0, 0.0], angle.clone().sin() * 30.0);
             o.map_mesh(|m| m.transformed(&turn))
         })
         .expect("the object");
@@ -33,7 +34,7 @@ fn of_a_loss(options: &RenderOptions) -> (f64, Vec<f64>) {
 
 /// Cones, and the paper's form with a blur that many surfaces share.
 fn forms() -> [Visibility; 2] {
-    [Visibility::cone(0.02), Visibility::softmax(1e-2, 1e-2)]
+    [Visibility::cone(1.146), Visibility::softmax(1e-2, 1e-2)]
 }
 
 #[test]

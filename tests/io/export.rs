@@ -43,7 +43,7 @@ fn room() -> Scene {
     let striped = Material::phong(dark, ColorTexture::texture(stripes), 7.5);
     let turn = Transform::new()
         .with_scale(Tensor::from_floats([0.6, 0.9, 0.6], &device))
-        .with_axis_angle([1.0, 0.4, 0.0], Tensor::from_floats([0.7], &device))
+        .with_axis_angle([1.0, 0.4, 0.0], Tensor::from_floats([40.0], &device))
         .with_translation(Tensor::from_floats([-0.6, 0.8, 0.1], &device));
     let ball = shapes::icosphere(1, &device);
     let ball = ball.clone().with_normals(ball.vertices.clone());

@@ -352,7 +352,6 @@ fn scene_files() {
     };
     assert_eq!(texels.to_data().iter::<f64>().collect::<Vec<_>>(), [1.0]);
     let lights = format!("{:?}", file.scene.lights);
-    let (inner, outer) = (30f64.to_radians(), 60f64.to_radians());
     let wanted = [
         Light::directional([0.0, -2.0, 1.0], [1.0, 2.0, 4.0]),
         Light::point([1.0, 3.0, 2.0], [4.0, 5.0, 6.0]),
@@ -360,8 +359,8 @@ fn scene_files() {
             [0.0, 3.0, 0.0],
             [0.0, -1.0, 0.5],
             [7.0, 8.0, 9.0],
-            inner,
-            outer,
+            30.0,
+            60.0,
         ),
     ];
     assert_eq!(lights, format!("{wanted:?}"));

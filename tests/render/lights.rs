@@ -32,8 +32,8 @@ fn brings(light: Light, irradiance: impl Fn(DVec3) -> f64) {
     let size = 16;
     for (engine, visibility) in [
         (Engine::Kernels, Visibility::cone(0.0)),
-        (Engine::Kernels, Visibility::cone(0.05)),
-        (Engine::Tensors, Visibility::cone(0.05)),
+        (Engine::Kernels, Visibility::cone(2.865)),
+        (Engine::Tensors, Visibility::cone(2.865)),
         (Engine::Auto, Visibility::softmax(1e-4, 1e-3)),
     ] {
         let options = RenderOptions::new(size, size)
@@ -68,12 +68,21 @@ fn a_point_brings_its_intensity_over_the_square_of_the_distance() {
 fn a_spot_falls_off_between_its_angles() {
     let (place, axis) = (DVec3::new(0.1, 1.0, -0.1), DVec3::new(0.1, -2.0, 0.2));
     let (inner, outer) = (0.15f64, 0.5f64);
-    brings(Light::spot(place, axis, [2.0; 3], inner, outer), |x| {
-        let to = place - x;
-        let cosine = -to.normalize().dot(axis.normalize());
-        let within = (cosine - outer.cos()) / (inner.cos() - outer.cos());
-        2.0 * to.y / to.length().powi(3) * within.clamp(0.0, 1.0).powi(2)
-    });
+    brings(
+        Light::spot(
+            place,
+            axis,
+            [2.0; 3],
+            inner.to_degrees(),
+            outer.to_degrees(),
+        ),
+        |x| {
+            let to = place - x;
+            let cosine = -to.normalize().dot(axis.normalize());
+            let within = (cosine - outer.cos()) / (inner.cos() - outer.cos());
+            2.0 * to.y / to.length().powi(3) * within.clamp(0.0, 1.0).powi(2)
+        },
+    );
 }
 
 #[test]
@@ -99,7 +108,7 @@ fn the_edge_of_a_shadow_moves_with_what_casts_it_and_with_the_light() {
         let options = RenderOptions::new(8, 8)
             .with_samples(64)
             .with_bounces(0)
-            .with_visibility(Visibility::cone(0.03))
+            .with_visibility(Visibility::cone(1.719))
             .with_seed(seed);
         let image = render(&scene, &from_above(), &options).expect("an image");
         let gradients = image.radiance.mean().backward();
@@ -195,7 +204,7 @@ fn an_emissive_texture_lights_as_its_pieces_do() {
         );
         cut = cut.with_object(emitting(piece, texel_at(middle(x), middle(z))));
     }
-    for visibility in [Visibility::cone(0.0), Visibility::cone(0.05)] {
+    for visibility in [Visibility::cone(0.0), Visibility::cone(2.865)] {
         let image = |scene: &Scene, seed| {
             let options = RenderOptions::new(6, 6)
                 .with_samples(if common::long() { 16384 } else { 2048 })
@@ -235,7 +244,7 @@ fn mistakes_are_told() {
             ["light 0", "position"],
         ),
         (
-            Light::spot([0.0; 3], [0.0, -1.0, 0.0], [1.0; 3], 0.6, 0.5),
+            Light::spot([0.0; 3], [0.0, -1.0, 0.0], [1.0; 3], 30.0, 20.0),
             ["light 0", "inner ≤ outer"],
         ),
     ];

@@ -93,7 +93,7 @@ fn numbers_do_what_tensors_do() {
     }
     // Counter-clockwise about z: x goes to y.
     let x = Mesh::from_host(&[[1.0, 0.0, 0.0]; 3], vec![[0, 1, 2]], &Device::flex());
-    let turned = x.rotated([0.0, 0.0, 2.0], 90f64.to_radians());
+    let turned = x.rotated([0.0, 0.0, 2.0], 90.0);
     close(
         &turned.vertices,
         &tensor(&[0.0, 1.0, 0.0].repeat(3), [3, 3]),

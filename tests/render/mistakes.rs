@@ -334,14 +334,14 @@ fn options() {
     told.expect("no samples", &["samples", "0", "at least 1"], || {
         with(small().with_samples(0))
     });
-    told.expect("negative blur", &["blur", "-0.1", "[0, 1.2)"], || {
+    told.expect("negative blur", &["blur", "-0.1", "[0, 68)"], || {
         with(small().with_blur(-0.1))
     });
-    told.expect("blur in degrees", &["blur", "5", "radians"], || {
-        with(small().with_blur(5.0))
+    told.expect("a blur of 90", &["blur", "90", "degrees"], || {
+        with(small().with_blur(90.0))
     });
-    told.expect("a wide cone", &["blur angle", "2", "radians"], || {
-        with(small().with_visibility(Visibility::cone(2.0)))
+    told.expect("a wide cone", &["blur angle", "70", "degrees"], || {
+        with(small().with_visibility(Visibility::cone(70.0)))
     });
     told.expect("blur of 0 for the softmax", &["sigma", "0", "> 0"], || {
         with(small().with_visibility(Visibility::softmax(0.0, 1e-3)))
@@ -350,7 +350,7 @@ fn options() {
         with(
             small()
                 .with_visibility(Visibility::softmax(1e-4, 1e-3))
-                .with_blur(0.1),
+                .with_blur(5.73),
         )
     });
     told.expect(

@@ -55,7 +55,7 @@ fn cones_with_pixel_filters() {
 /// Cones soften shadows and reflections: the light that there is stays.
 #[test]
 fn cones_with_angles() {
-    for (angle, mean) in [(0.01, 0.006), (0.05, 0.03)] {
+    for (angle, mean) in [(0.573, 0.006), (2.865, 0.03)] {
         agree(256, Visibility::cone(angle), mean, 0.09);
     }
 }

@@ -14,7 +14,7 @@ fn forms(sigma: f64, gamma: f64) -> [Visibility; 3] {
     [
         Visibility::softmax(sigma, gamma),
         Visibility::default(),
-        Visibility::cone(0.05),
+        Visibility::cone(2.865),
     ]
 }
 

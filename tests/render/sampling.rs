@@ -174,7 +174,7 @@ fn many_emitters_by_a_tree() {
         let options = RenderOptions::new(12, 12)
             .with_samples(16)
             .with_bounces(1)
-            .with_visibility(Visibility::cone(0.05))
+            .with_visibility(Visibility::cone(2.865))
             .with_sampling(sampling)
             .with_seed(seed);
         // It doesn't see the lamps, whose light would be noise of another kind.

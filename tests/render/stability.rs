@@ -63,7 +63,7 @@ fn soups_of_any_size_are_finite() {
         let faces: Vec<[u32; 3]> = (0..30).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
         for form in [
             Visibility::cone(0.0),
-            Visibility::cone(0.05),
+            Visibility::cone(2.865),
             Visibility::softmax(1e-4 * scale * scale, 1e-3),
         ] {
             let soup = Thing::new("soup", vertices.clone(), faces.clone());
@@ -94,7 +94,7 @@ fn share_apart(a: &[f64], b: &[f64], tolerance: f64) -> f64 {
 }
 
 fn forms() -> [Visibility; 2] {
-    [Visibility::cone(0.02), Visibility::softmax(1e-3, 1e-2)]
+    [Visibility::cone(1.146), Visibility::softmax(1e-3, 1e-2)]
 }
 
 fn world(form: Visibility) -> World {
@@ -252,7 +252,7 @@ fn the_limits_are_approached_without_a_jump() {
     for exponent in 6..=14 {
         let blur = 10f64.powi(-exponent);
         let mean = at(Visibility::Cone {
-            angle: blur.sqrt(),
+            angle: blur.sqrt().to_degrees(),
             pixels: blur.sqrt(),
         });
         assert!(
@@ -331,7 +331,7 @@ fn luminous_glass_has_small_gradients() {
     let device = Device::flex();
     let ior = leaf(&[1.6], &device);
     let glass = Material::dielectric(ior.clone(), 0.6).with_emission([0.5; 3]);
-    let mesh = shapes::cylinder(0.6, 1.4, 9, &device).rotated([0.3, 1.0, 0.5], 0.4);
+    let mesh = shapes::cylinder(0.6, 1.4, 9, &device).rotated([0.3, 1.0, 0.5], 23.0);
     let scene = Scene::new().with_object(Object::new(mesh).with_material(glass));
     let camera = Camera::look_at([0.3, 1.8, 4.2], [0.0; 3]).with_fov_y(35.0);
     for seed in 0..4 {

@@ -55,7 +55,9 @@ impl Views {
                     let scene = file.scene.clone();
                     let scene = scene.map_object(&self.object, |o| o.map_mesh(|_| mesh.clone()))?;
                     let batch = all(&scene)?;
-                    let options = options.clone().with_blur(falling(self.blur, share));
+                    let options = options
+                        .clone()
+                        .with_blur(falling(self.blur, share).to_degrees());
                     let see = |seed| render_batch(&batch, &options.clone().with_seed(seed));
                     let [a, b] = seeds.map(see);
                     let (a, b) = (a?.radiance, b?.radiance);

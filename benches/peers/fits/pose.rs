@@ -50,7 +50,7 @@ impl Pose {
                 seed,
                 |place, share, seeds| {
                     let scene = scene(place.offset.val())?;
-                    let angle = falling(self.blur, share);
+                    let angle = falling(self.blur, share).to_degrees();
                     let options = match self.view_sharp {
                         true => options
                             .clone()

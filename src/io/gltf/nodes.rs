@@ -279,7 +279,8 @@ impl Walk<'_> {
                     "has the angles {inner} and {outer}, expected 0 ≤ innerConeAngle ≤ outerConeAngle ≤ π/2"
                 );
                 self.document.unless(valid, json.at("spot"), message)?;
-                let [inner, outer] = [inner, outer].map(|a| [f64::from(a).min(FRAC_PI_2)]);
+                let [inner, outer] =
+                    [inner, outer].map(|a| [f64::from(a).min(FRAC_PI_2).to_degrees()]);
                 Light::spot(position, direction, intensity, inner, outer)
             }
         })

@@ -18,7 +18,7 @@ const END: f64 = 0.5;
 const DECAY: f64 = 0.75;
 
 impl BlurSchedule {
-    /// A schedule of cone angles in radians for a fit of `steps` steps on images of `height` rows, for scenes
+    /// A schedule of cone angles in degrees for a fit of `steps` steps on images of `height` rows, for scenes
     /// without a known suitable blur:
     ///
     /// - The start is the angle of a length at the distance of the visible surfaces: atan(length/distance). The
@@ -39,13 +39,13 @@ impl BlurSchedule {
         let view = View::new(scene, camera)?;
         let seen = view.radius.min(0.5 * view.height);
         let start = (START * view.smallest).min(START_SEEN * seen);
-        let start = (start / view.distance).atan();
+        let start = (start / view.distance).atan().to_degrees();
         let decay = (DECAY * steps as f64).ceil() as usize;
         Self::decay(start.max(end), end, decay)
     }
 }
 
-/// Returns the angle of a pixel in the middle of an image of `height` rows, in radians:
+/// Returns the angle of a pixel in the middle of an image of `height` rows, in degrees:
 /// atan(2·tan(fov_y/2)/height). For a camera with parallel rays it is the angle of a pixel at the target, seen
 /// from the eye.
 ///
@@ -53,7 +53,7 @@ impl BlurSchedule {
 /// use softray::optim::pixel_angle;
 /// use softray::prelude::*;
 /// let camera = Camera::look_at([0.0, 4.0, 0.0], [0.0; 3]).with_up([0.0, 0.0, 1.0]).with_fov_y(90.0);
-/// assert!((pixel_angle(&camera, 16)? - 0.125f64.atan()).abs() < 1e-6);
+/// assert!((pixel_angle(&camera, 16)? - 0.125f64.atan().to_degrees()).abs() < 1e-6);
 /// # Ok::<(), softray::Error>(())
 /// ```
 ///
@@ -61,7 +61,9 @@ impl BlurSchedule {
 /// If a value of the camera is out of range or cannot be read, or `height` is 0.
 pub fn pixel_angle(camera: &Camera, height: usize) -> Result<f64> {
     Error::unless(height > 0, "image", "height", height, "at least 1")?;
-    Ok((2.0 * camera.half_height()? / height as f64).atan())
+    Ok((2.0 * camera.half_height()? / height as f64)
+        .atan()
+        .to_degrees())
 }
 
 /// The sizes and the distance of a scene as seen by a camera, in scene units.

@@ -23,21 +23,22 @@ const OBJECT: &str = "blur schedule";
 ///
 /// It falls by the same factor at every step ([`BlurSchedule::decay`]) or slowly at both ends
 /// ([`BlurSchedule::cosine`]). The value is an argument for
-/// [`RenderOptions::with_blur`](crate::render::RenderOptions::with_blur): the half-angle of cones in radians. For the softmax,
-/// pass it to [`SoftmaxOptions::sigma`](crate::render::SoftmaxOptions::sigma). A larger value lets gradients
-/// point to the target from further away, but biases the image more. A fit therefore starts with a large value and ends with a small one.
+/// [`RenderOptions::with_blur`](crate::render::RenderOptions::with_blur): the half-angle of cones in degrees. For the
+/// softmax, pass it to [`SoftmaxOptions::sigma`](crate::render::SoftmaxOptions::sigma). A larger value lets gradients
+/// point to the target from further away, but biases the image more. A fit therefore starts with a large value and ends
+/// with a small one.
 ///
 /// ```
 /// use softray::prelude::*;
-/// let angle = BlurSchedule::decay(1e-1, 1e-3, 100)?.with_hold(20);
+/// let angle = BlurSchedule::decay(5.0, 0.05, 100)?.with_hold(20);
 /// for step in 0..150 {
 ///     let options = RenderOptions::new(32, 32).with_blur(angle.at(step)).with_seed(step as u64);
 ///     // render, step of the optimizer …
 ///     # let _ = options;
 /// }
-/// assert_eq!(angle.at(0), 1e-1);
-/// assert!((angle.at(20 + 50) - 1e-2).abs() < 1e-12);
-/// assert_eq!(angle.at(120), 1e-3);
+/// assert_eq!(angle.at(0), 5.0);
+/// assert!((angle.at(20 + 50) - 0.5).abs() < 1e-12);
+/// assert_eq!(angle.at(120), 0.05);
 /// # Ok::<(), softray::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
@@ -51,7 +52,7 @@ pub struct BlurSchedule {
 }
 
 impl BlurSchedule {
-    /// A schedule with the same value at every step, in radians for cones, in scene units squared for the
+    /// A schedule with the same value at every step, in degrees for cones, in scene units squared for the
     /// softmax.
     ///
     /// # Errors
@@ -63,7 +64,7 @@ impl BlurSchedule {
     }
 
     /// A schedule that falls by the same factor at every step: start·(end/start)^(step/steps), and `end` from
-    /// step `steps` on. Values are in radians for cones, in scene units squared for the softmax.
+    /// step `steps` on. Values are in degrees for cones, in scene units squared for the softmax.
     ///
     /// # Errors
     /// If `start` or `end` is not a finite number > 0, `end` is larger than `start`, or `steps` is 0.
@@ -99,7 +100,7 @@ impl BlurSchedule {
         self
     }
 
-    /// Returns the value at a step, in radians for cones, in scene units squared for the softmax.
+    /// Returns the value at a step, in degrees for cones, in scene units squared for the softmax.
     pub fn at(&self, step: usize) -> f64 {
         let step = step.saturating_sub(self.hold);
         if step == 0 {
@@ -125,11 +126,11 @@ impl BlurSchedule {
 /// let adaptive: Blur = PlateauBlur::new(1e-2, 1e-4, 0.5, 10)?.into();
 /// for mut blur in [scheduled, adaptive] {
 ///     for step in 0..100 {
-///         let _options_take = blur.with_value(step);
+///         let _options_take = blur.value(step);
 ///         let loss = 0.3; // of the render
 ///         blur.observe(loss);
 ///     }
-///     assert!(blur.with_value(100) < 1e-2);
+///     assert!(blur.value(100) < 1e-2);
 /// }
 /// # Ok::<(), softray::Error>(())
 /// ```
@@ -172,7 +173,7 @@ impl fmt::Display for Blur {
 }
 
 impl Blur {
-    /// Returns the value at a step, in radians for cones, in scene units squared for the softmax. A
+    /// Returns the value at a step, in degrees for cones, in scene units squared for the softmax. A
     /// [`PlateauBlur`] returns its current value and ignores the step.
     pub fn value(&self, step: usize) -> f64 {
         match self {

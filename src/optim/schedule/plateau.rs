@@ -64,7 +64,7 @@ impl fmt::Display for PlateauBlur {
 
 impl PlateauBlur {
     /// A blur that falls from `start` to `end`, multiplied by `factor` at every change; means are over
-    /// `patience` losses. The values are in the units of their use (cones: radians, σ: scene units squared, γ:
+    /// `patience` losses. The values are in the units of their use (cones: degrees, σ: scene units squared, γ:
     /// units of the scene's depth). The tolerance is 0.02.
     ///
     /// # Errors

@@ -164,14 +164,14 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     let of_batch = of_batch.zip(of_views);
     let views = of_batch.map(|((index, ((scene, _), camera)), (wanted, places))| {
         // With a blur of all rays, the camera rays' cone is as wide as the others.
-        let wide = options.blur.map_or(0.0, f64::tan);
+        let wide = options.blur_slope();
         let pixels_per_tangent = 0.5 * options.height as f64 / camera.half_height;
         let filter = filters.of_cone(pixels, wide * pixels_per_tangent);
         let edges = edge_sets[*scene].clone().filter(|_| wanted.moves());
         let settings = ViewSettings {
             width: options.width as u32,
             height: options.height as u32,
-            cone: angle.tan(),
+            cone: angle.to_radians().tan(),
             bounces: options.bounces,
             roulette_after: options.roulette_after,
             multiple_importance: options.sampling.multiple_importance,

@@ -261,7 +261,7 @@ fn sight(
     match options.form().form(scene.unit) {
         VisibilityForm::Cones { angle, pixels } => {
             let half_height = camera.half_height()?;
-            let least = options.blur.map_or(0.0, f64::tan);
+            let least = options.blur_slope();
             let wide = least * 0.5 * options.height as f64 / half_height;
             let cones = Cones::new(hierarchy()?, scene.holes.clone(), angle, &sampler(options));
             Ok((

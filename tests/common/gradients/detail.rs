@@ -87,7 +87,7 @@ pub fn cases() -> Vec<Case> {
             )
         }),
         case("turn under a normal map", 0.2, 0.03, 1, |d, t, p| {
-            let turn = Transform::new().with_axis_angle([0.1, 1.0, 0.2], p);
+            let turn = Transform::new().with_axis_angle([0.1, 1.0, 0.2], p * 1f64.to_degrees());
             let map = normals_of_map(d, t);
             (bumpy(map, |m| m.transformed(&turn), d, t), camera())
         }),

@@ -34,16 +34,22 @@ pub fn still() -> Vec<Case> {
             (lit_by(light, d, t), camera())
         }),
         case("inner angle", 0.2, 0.02, 0, |d, t, p| {
-            let light = spot([-0.4, -1.0, -0.4], [p.into(), 0.7.into()]);
+            let light = spot(
+                [-0.4, -1.0, -0.4],
+                [(p * 1f64.to_degrees()).into(), 40.0.into()],
+            );
             (lit_by(light, d, t), camera())
         }),
         case("outer angle", 0.6, 0.02, 0, |d, t, p| {
-            let light = spot([-0.4, -1.0, -0.4], [0.2.into(), p.into()]);
+            let light = spot(
+                [-0.4, -1.0, -0.4],
+                [11.5.into(), (p * 1f64.to_degrees()).into()],
+            );
             (lit_by(light, d, t), camera())
         }),
         case("spot direction", 0.0, 0.02, 1, |d, t, p| {
             let direction = offset(p, [-0.4, -1.0, -0.4], [0.6, 0.1, -0.3], d, t);
-            let light = spot(direction, [0.2.into(), 0.7.into()]);
+            let light = spot(direction, [11.5.into(), 40.0.into()]);
             (lit_by(light, d, t), camera())
         }),
     ]
@@ -75,7 +81,7 @@ pub fn moving() -> Vec<Case> {
             (scene.expect("the object"), camera())
         }),
         case("shadow of a spot", 0.0, 0.012, 0, |d, t, p| {
-            let light = spot([-0.4, -1.0, -0.4], [0.2.into(), 0.7.into()]);
+            let light = spot([-0.4, -1.0, -0.4], [11.5.into(), 40.0.into()]);
             let still = lit_by(light, d, t);
             let moved = change(
                 "ball",
@@ -168,7 +174,7 @@ pub fn crossings() -> Vec<Case> {
     vec![case("cube in a tilted cube", 0.0, 0.012, 0, |d, t, p| {
         let cube = |scale: f64, axis: [f64; 3], turn: f64| {
             let cube = shapes::cube(d).cast(t).scaled(scale);
-            diffuse(cube.rotated(axis, turn), [0.8; 3])
+            diffuse(cube.rotated(axis, turn.to_degrees()), [0.8; 3])
         };
         let at = offset(p, [0.138, 0.687, -0.437], [0.3, 0.2, 1.0], d, t);
         let small = cube(0.3, [0.0, 1.0, 0.0], 0.0).map_mesh(|m| m.translated(at));

@@ -12,7 +12,7 @@ const FORMS: [Visibility; 3] = [
         pixels: 0.5,
     },
     Visibility::Cone {
-        angle: 0.1,
+        angle: 5.73,
         pixels: 0.0,
     },
     Visibility::softmax(1e-3, 1e-3),
@@ -42,7 +42,7 @@ pub fn cases() -> Vec<(String, World)> {
         let world = World::new().with(|w| w.options = options);
         all.push((format!("blur: {form:?}"), world));
     };
-    for angle in [1e-9, 1e-3, 0.03, 0.3, 0.49] {
+    for angle in [1e-9, 0.05, 2.0, 17.0, 28.0] {
         for pixels in [0.0, 1e-6, 3.0, 100.0] {
             blurred(Visibility::Cone { angle, pixels });
         }

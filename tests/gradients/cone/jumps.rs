@@ -28,22 +28,22 @@ const fn jump(scene: &'static str, angle: f64, direction: [f64; 3]) -> Jump {
 /// map, in a mirror, behind a lens, at a wall.
 pub const SCENES: [Jump; 11] = [
     jump("cross", 0.0, [-1.0, 1.0, -1.0]),
-    jump("self", 0.05, [-1.0, 1.0, 0.0]),
+    jump("self", 2.865, [-1.0, 1.0, 0.0]),
     jump("gloss", 0.0, [-1.0, 0.0, 0.0]),
-    jump("map", 0.05, [-1.0, 1.0, 0.0]),
+    jump("map", 2.865, [-1.0, 1.0, 0.0]),
     jump("mapgloss", 0.0, [0.0, 0.0, 1.0]),
-    jump("seam", 0.05, [-1.0, 1.0, -1.0]),
+    jump("seam", 2.865, [-1.0, 1.0, -1.0]),
     jump("lensmove", 0.0, [-1.0, 0.0, 0.0]),
-    jump("smooth", 0.05, [-1.0, 1.0, 0.0]),
+    jump("smooth", 2.865, [-1.0, 1.0, 0.0]),
     // The edge of the lamp lies on the wall, where its light grows without bound: the noise of 4,000 seeds is three times
     // the derivative.
     Jump {
         scene: "wall",
-        angle: 0.05,
+        angle: 2.865,
         direction: None,
     },
-    jump("crossmove", 0.05, [-1.0, 1.0, -1.0]),
-    jump("mirror", 0.05, [0.0, 1.0, 0.0]),
+    jump("crossmove", 2.865, [-1.0, 1.0, -1.0]),
+    jump("mirror", 2.865, [0.0, 1.0, 0.0]),
 ];
 
 /// A scene by its name, from the parameter `place`: x, y and a turn.
@@ -51,7 +51,7 @@ pub fn scene(name: &str, point: &Point) -> softray::Result<(Scene, Camera)> {
     let (d, dtype) = (&point.device, point.dtype);
     let place = point.get("place")?;
     let [x, y, turn] = [0, 1, 2].map(|i| place.clone().slice([i..i + 1]));
-    let turn = Transform::new().with_axis_angle([0.3, 1.0, 0.2], turn);
+    let turn = Transform::new().with_axis_angle([0.3, 1.0, 0.2], turn * 1f64.to_degrees());
     let offset = Tensor::cat(vec![x.clone(), y.clone() + 0.7, x.clone() * 0.3], 0);
     let placed = |mesh: Mesh| mesh.transformed(&turn).translated(offset.clone());
 

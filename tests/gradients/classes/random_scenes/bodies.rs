@@ -131,8 +131,8 @@ impl Maker<'_> {
         } else {
             self.direction()
         };
-        let turn = self.between(0.1, 1.4);
-        let turn = self.number(&named("rotation"), turn, 0.04, true);
+        let turn = self.between(6.0, 80.0);
+        let turn = self.number(&named("rotation"), turn, 2.3, true);
         mesh = mesh.rotated(axis, turn);
         let place = if upright {
             let p = self.number(&named("translation"), 0.0, 0.025, true);
@@ -208,7 +208,7 @@ impl Maker<'_> {
         let distance = self.between(0.5, 0.9) * (r + s);
         let body = |maker: &mut Self, name: &str, at: Tensor<1>, radius: f64, cube: bool| {
             let mesh = maker.shape(cube).without_normals().scaled(radius);
-            let mesh = mesh.rotated(maker.direction(), maker.between(0.1, 1.4));
+            let mesh = mesh.rotated(maker.direction(), maker.between(6.0, 80.0));
             let color = if maker.pick(5) == 0 { 0.0 } else { 0.8 };
             maker.description.push(format!("{name} of {color}"));
             let material = Material::diffuse([color; 3]);
@@ -226,7 +226,7 @@ impl Maker<'_> {
             self.description.push("lamp".into());
             let d = self.device.clone();
             let lamp = shapes::plane_grid(0.8, 0.8, 1, 1, &d).cast(self.dtype);
-            let lamp = lamp.rotated([1.0, 0.0, 0.0], std::f64::consts::PI);
+            let lamp = lamp.rotated([1.0, 0.0, 0.0], 180.0);
             let lamp = Object::new(lamp.translated([0.3, 2.6, 0.8]));
             scene = scene.with_object(lamp.with_material(Material::emitter([8.0; 3])));
         } else {

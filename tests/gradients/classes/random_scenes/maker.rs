@@ -55,7 +55,7 @@ impl RandomScene {
         let mut maker = Maker::new(seed, None);
         let (scene, camera) = maker.scene();
         let angle = match maker.delta || maker.unit() < 0.5 {
-            true => maker.between(0.02, 0.15),
+            true => maker.between(1.2, 8.6),
             false => 0.0,
         };
         let least = if maker.refracts { 2 } else { 0 };
@@ -267,8 +267,8 @@ impl<'a> Maker<'a> {
                     2 => Light::point(position, intensity),
                     _ => {
                         let direction = self.along("light: direction", towards, 0.03, false);
-                        let inner = self.number("light: inner angle", 0.3, 0.02, false);
-                        let outer = self.number("light: outer angle", 0.7, 0.02, false);
+                        let inner = self.number("light: inner angle", 17.0, 1.2, false);
+                        let outer = self.number("light: outer angle", 40.0, 1.2, false);
                         Light::spot(position, direction, intensity, inner, outer)
                     }
                 };
