@@ -162,10 +162,8 @@ fn classes() -> Vec<Case> {
         }),
         case("rotation", 0.1, 0.02, 0, |d, t, p| {
             let turn = Transform::new().with_axis_angle([0.3, 1.0, 0.2], p * 1f64.to_degrees());
-            (
-                change("triangle", |o| o.map_mesh(|m| m.transformed(&turn)), d, t),
-                camera(),
-            )
+            let turned = |o: Object| o.map_mesh(|m| m.transformed(&turn));
+            (change("triangle", turned, d, t), camera())
         }),
         shift(case("velocity", 0.5, 0.025, 0, |d, t, p| {
             let u = vector(p, [1.0, 0.3, 0.2], d, t);

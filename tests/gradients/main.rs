@@ -6,6 +6,7 @@ mod common;
 mod candidates;
 mod classes;
 mod cone;
+mod cornell;
 mod engines;
 mod memory;
 mod replay;

@@ -53,7 +53,7 @@ type Callback<M> = Box<dyn FnMut(&Report<M>) -> Result<bool>>;
 /// let start = Tensor::from_floats([0.3], &device.clone().autodiff());
 /// let fitted = Fit::new(Offset { x: Param::from_tensor(start) }, AdamConfig::new().init(), 40)
 ///     .with_rate(Rate::cosine(0.05))
-///     .with_blur(BlurSchedule::decay(0.1, 1e-3, 30)?)
+///     .with_blur(BlurSchedule::decay(5.0, 0.05, 30)?)
 ///     .run(|module: &Offset, step: &_| {
 ///         let see = |k| render(&scene(module.x.val()), &camera, &step.options(&options, k));
 ///         let (a, b) = (see(0)?.radiance, see(1)?.radiance);
