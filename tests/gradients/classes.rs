@@ -9,7 +9,7 @@ use crate::common::gradients::{
     CONES, Case, Effort, SHARP, SOFTMAX, Setup, all_classes, assert_agreement, cases, check, lights,
 };
 use crate::common::numbers::mean_and_error;
-use crate::common::scenes::{facing_down, floor, scene_file};
+use crate::common::scenes::{facing_down, floor};
 use crate::common::tensors::{gradient, tensor, values};
 use burn::tensor::{DType, Device};
 use random_scenes::{RandomScene, compare};
