@@ -92,7 +92,7 @@ impl Figure {
     /// Writes the figure to a `.png` or `.exr` file. The file appears under its name only when it is complete.
     ///
     /// # Errors
-    /// Like [`Figure::with_image`], or if the file can't be written.
+    /// Like [`Figure::image`], or if the file can't be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         HostImage::check_path(&path)?;
         self.image()?.write(path)

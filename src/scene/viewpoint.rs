@@ -234,7 +234,7 @@ impl Camera {
     /// ```
     ///
     /// # Errors
-    /// If the scene has no bounds ([`Scene::with_bounds`]), all triangles are in one point, or the direction is 0 or not
+    /// If the scene has no bounds ([`Scene::bounds`]), all triangles are in one point, or the direction is 0 or not
     /// finite.
     pub fn framing(scene: &Scene, direction: impl Into<Parameter<3>>) -> Result<Self> {
         Framing::of(scene)?.camera(direction.into())

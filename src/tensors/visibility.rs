@@ -59,7 +59,7 @@ pub struct SoftmaxOptions {
     pub brute_force: bool,
     /// The bounding box (scene units) whose circumscribed sphere sets the scale of depths and tolerances; by default
     /// the sphere around the scene's vertices. Finite differences need the same bounds on both sides; see
-    /// [`Scene::with_bounds`](crate::scene::Scene::with_bounds).
+    /// [`Scene::bounds`](crate::scene::Scene::bounds).
     #[serde(default)]
     pub bounds: Option<Bounds>,
 }
