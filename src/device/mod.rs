@@ -12,19 +12,19 @@ use burn::tensor::wgpu::{WgpuBackend, WgpuInitError};
 
 use crate::error::{Error, Result};
 pub use work::{Stage, Work, stages_of, work};
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) use work::{count_launch, count_searches, count_upload, kernel};
 pub(crate) use work::{count_read_back, stage};
 
 /// The environment variable with the default device of [`named`]. burn uses the same variable.
 pub const VARIABLE: &str = "BURN_DEVICE";
 
-/// Returns the device with a name: `flex`, `ndarray`, `wgpu` or `vulkan`.
+/// Returns the device with a name: `flex`, `ndarray`, `wgpu`, `vulkan`, `metal`, `cuda` or `rocm`.
 ///
-/// With `None` the name is the value of the environment variable `BURN_DEVICE`, or `flex` if that is not set. On `wgpu`
-/// and `vulkan` burn chooses the GPU (a high-power one if there is one) unless the name contains a kind:
-/// `wgpu:discrete`, `wgpu:integrated`, `wgpu:virtual` or `wgpu:cpu` (a software driver), and likewise for `vulkan`. A
-/// number selects one of several GPUs: `wgpu:discrete:1`. Case does not matter.
+/// With `None` the name is the value of the environment variable `BURN_DEVICE`, or `flex` if that is not set. On
+/// `wgpu`, `vulkan` and `metal` burn chooses the GPU (a high-power one if there is one) unless the name contains a
+/// kind: `wgpu:discrete`, `wgpu:integrated`, `wgpu:virtual` or `wgpu:cpu` (a software driver). A number selects one of
+/// several GPUs: `wgpu:discrete:1`, `cuda:1`. Case does not matter.
 ///
 /// The device has no autodiff. Put parameters on `device.autodiff()` and constants on the device itself.
 ///
@@ -64,12 +64,32 @@ fn parse(field: &str, name: &str) -> Result<Device> {
         ("wgpu", kind) => on_gpu(&lower, gpu(kind).ok_or_else(unknown)?, WgpuBackend::Auto),
         #[cfg(feature = "vulkan")]
         ("vulkan", kind) => on_gpu(&lower, gpu(kind).ok_or_else(unknown)?, WgpuBackend::Vulkan),
-        ("flex" | "ndarray", None) | ("wgpu" | "vulkan", _) => Err(Error::invalid(
-            "device",
-            field,
-            format!("{name:?}"),
-            format!("a backend that was built in; build with `--features {backend}` for this one"),
-        )),
+        #[cfg(feature = "metal")]
+        ("metal", kind) => on_gpu(&lower, gpu(kind).ok_or_else(unknown)?, WgpuBackend::Metal),
+        #[cfg(feature = "cuda")]
+        ("cuda", number) => {
+            let number = index(number).ok_or_else(unknown)?;
+            available(&lower, burn::cubecl::Device::cuda(number), || {
+                Device::cuda(number)
+            })
+        }
+        #[cfg(feature = "rocm")]
+        ("rocm", number) => {
+            let number = index(number).ok_or_else(unknown)?;
+            available(&lower, burn::cubecl::Device::rocm(number), || {
+                Device::rocm(number)
+            })
+        }
+        ("flex" | "ndarray", None) | ("wgpu" | "vulkan" | "metal" | "cuda" | "rocm", _) => {
+            Err(Error::invalid(
+                "device",
+                field,
+                format!("{name:?}"),
+                format!(
+                    "a backend that was built in; build with `--features {backend}` for this one"
+                ),
+            ))
+        }
         _ => Err(unknown()),
     }
 }
@@ -81,6 +101,9 @@ fn names() -> String {
         ("ndarray", cfg!(feature = "ndarray")),
         ("wgpu", cfg!(feature = "wgpu")),
         ("vulkan", cfg!(feature = "vulkan")),
+        ("metal", cfg!(feature = "metal")),
+        ("cuda", cfg!(feature = "cuda")),
+        ("rocm", cfg!(feature = "rocm")),
     ];
     let of = |built: bool| {
         let names = all.iter().filter(|b| b.1 == built).map(|b| b.0);
@@ -91,7 +114,7 @@ fn names() -> String {
         some => format!(", or {some} in a program that is built with the feature of that name"),
     };
     format!(
-        "{}{missing}; of wgpu and vulkan a kind too, as in wgpu:cpu",
+        "{}{missing}; of GPUs a kind or a number too, as in wgpu:cpu and cuda:1",
         of(true)
     )
 }
@@ -118,7 +141,7 @@ pub(crate) fn is_cpu(device: &Device) -> bool {
 /// # Errors
 /// For devices of other backends, such as remote ones. The message includes a remedy.
 pub(crate) fn check(device: &Device) -> Result<()> {
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     if matches!(
         device.clone().inner().as_dispatch(),
         DispatchDevice::Cube(_)
@@ -140,16 +163,28 @@ fn of_another_backend(label: String) -> Error {
     Error::device(label, message)
 }
 
-/// Whether kernels run on a device. They run on wgpu devices only, where they are tested.
-#[cfg(feature = "wgpu")]
+/// Whether kernels run on a device: on any of CubeCL's but its CPU, for which the host's kernels are faster.
+#[cfg(feature = "gpu")]
 pub(crate) fn runs_kernels(device: &Device) -> bool {
-    use burn::cubecl::Device::Wgpu;
     let device = device.clone().inner();
-    matches!(device.as_dispatch(), DispatchDevice::Cube(Wgpu(_)))
+    let DispatchDevice::Cube(device) = device.as_dispatch() else {
+        return false;
+    };
+    !matches!(device, burn::cubecl::Device::Cpu(_))
 }
 
 /// Returns a device's name as in [`named`], or its debug text if it has none. Autodiff makes no difference.
 pub(crate) fn label(device: &Device) -> String {
+    #[cfg(feature = "gpu")]
+    match device.clone().inner().as_dispatch() {
+        DispatchDevice::Cube(burn::cubecl::Device::Cuda(gpu)) => {
+            return format!("cuda:{}", gpu.index);
+        }
+        DispatchDevice::Cube(burn::cubecl::Device::Hip(gpu)) => {
+            return format!("rocm:{}", gpu.index);
+        }
+        _ => {}
+    }
     #[cfg(feature = "wgpu")]
     if let DispatchDevice::Cube(burn::cubecl::Device::Wgpu(gpu)) =
         device.clone().inner().as_dispatch()
@@ -179,6 +214,8 @@ fn on_gpu(name: &str, kind: burn::tensor::DeviceKind, api: WgpuBackend) -> Resul
     let device = match api {
         #[cfg(feature = "vulkan")]
         WgpuBackend::Vulkan => Device::vulkan(kind.clone()),
+        #[cfg(feature = "metal")]
+        WgpuBackend::Metal => Device::metal(kind.clone()),
         _ => Device::wgpu(kind.clone()),
     };
     let mut started = STARTED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -206,6 +243,25 @@ fn on_gpu(name: &str, kind: burn::tensor::DeviceKind, api: WgpuBackend) -> Resul
     }
 }
 
+/// Returns a device if the machine has it.
+#[cfg(any(feature = "cuda", feature = "rocm"))]
+fn available(
+    name: &str,
+    found: std::result::Result<burn::cubecl::Device, impl ToString>,
+    device: impl FnOnce() -> Device,
+) -> Result<Device> {
+    match found {
+        Ok(_) => Ok(device()),
+        Err(reason) => Err(Error::device(name, reason.to_string())),
+    }
+}
+
+/// Parses the number of a GPU; the first one if there is none.
+#[cfg(any(feature = "cuda", feature = "rocm"))]
+fn index(number: Option<&str>) -> Option<usize> {
+    number.map_or(Some(0), |number| number.parse().ok())
+}
+
 #[cfg(feature = "wgpu")]
 fn gpu(kind: Option<&str>) -> Option<burn::tensor::DeviceKind> {
     use burn::tensor::DeviceKind;
@@ -223,6 +279,13 @@ fn gpu(kind: Option<&str>) -> Option<burn::tensor::DeviceKind> {
         "cpu" if number == 0 => Some(DeviceKind::Cpu),
         _ => None,
     }
+}
+
+/// The device of unit tests on GPUs: the one that `SOFTRAY_GPU` names, by default `wgpu`.
+#[cfg(all(test, feature = "gpu"))]
+pub(crate) fn of_tests() -> Device {
+    let name = std::env::var("SOFTRAY_GPU").unwrap_or_else(|_| "wgpu".to_owned());
+    named(Some(&name)).expect("the device of the tests")
 }
 
 #[cfg(test)]
@@ -283,7 +346,7 @@ mod tests {
 
     #[cfg(feature = "wgpu")]
     #[test]
-    fn kernels_run_on_wgpu_alone() {
+    fn kernels_run_on_gpus_alone() {
         let gpu = Device::wgpu(burn::tensor::DeviceKind::Cpu);
         assert!(check(&gpu).is_ok());
         assert!(runs_kernels(&gpu) && runs_kernels(&gpu.autodiff()));

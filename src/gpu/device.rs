@@ -2,12 +2,12 @@
 
 use burn::backend::ops::{FloatTensorOps, IntTensorOps};
 use burn::backend::tensor::{FloatTensor, IntTensor};
-use burn::backend::wgpu::{CubeBackend, CubeTensor};
 use burn::backend::{Cube, DispatchDevice, TensorMetadata};
 use burn::cubecl::bytes::Bytes;
 use burn::cubecl::prelude::*;
 use burn::cubecl::server::Handle;
 use burn::tensor::{Device, FloatDType, IntDType, Shape, Slice, Tensor};
+use burn_cubecl::{CubeBackend, tensor::CubeTensor};
 
 use crate::device::count_upload;
 use crate::scene::Identity;

@@ -255,11 +255,7 @@ mod tests {
     /// Each point with searches has one place, and points with more searches come first.
     #[test]
     fn points_in_the_order_of_their_searches() {
-        let name = match std::env::var("SOFTRAY_WGPU_KIND").as_deref() {
-            Ok("cpu") => "wgpu:cpu",
-            _ => "wgpu",
-        };
-        let device = crate::device::named(Some(name)).expect("a device");
+        let device = crate::device::of_tests();
         let DispatchDevice::Cube(cube) = device.inner().as_dispatch().clone() else {
             panic!("no GPU")
         };

@@ -3,26 +3,27 @@
 use std::sync::Once;
 
 use burn::backend::DispatchDevice;
-use burn::tensor::{Device, DeviceKind};
+use burn::tensor::Device;
 
 use crate::common::numbers::{largest, pairs};
 
-/// The device: the first GPU, or a software driver where `SOFTRAY_WGPU_KIND` is `cpu`. With the feature `vulkan` its
-/// kernels are SPIR-V, without it WGSL.
+/// The device that `SOFTRAY_GPU` names for `device::named`, such as `vulkan:cpu`; by default the first GPU of the first
+/// of these features. On `wgpu` kernels are SPIR-V with the feature `vulkan`, and WGSL without it.
 ///
 /// # Panics
 /// If `SOFTRAY_SHADERS` names another language (`spirv` or `wgsl`) than that of its compiler: a test of one of them
 /// shall not pass by the other.
 pub fn device() -> Device {
-    let kind = match std::env::var("SOFTRAY_WGPU_KIND").as_deref() {
-        Ok("cpu") => DeviceKind::Cpu,
-        Ok(other) => panic!("SOFTRAY_WGPU_KIND is {other:?}, expected \"cpu\" or nothing"),
-        Err(_) => DeviceKind::DefaultDevice,
-    };
-    #[cfg(feature = "vulkan")]
-    let device = Device::vulkan(kind);
-    #[cfg(not(feature = "vulkan"))]
-    let device = Device::wgpu(kind);
+    let built = [
+        ("vulkan", cfg!(feature = "vulkan")),
+        ("metal", cfg!(feature = "metal")),
+        ("wgpu", cfg!(feature = "wgpu")),
+        ("cuda", cfg!(feature = "cuda")),
+        ("rocm", cfg!(feature = "rocm")),
+    ];
+    let first = built.iter().find(|b| b.1).expect("a feature of a GPU");
+    let name = std::env::var("SOFTRAY_GPU").unwrap_or_else(|_| first.0.to_owned());
+    let device = softray::device::named(Some(&name)).expect("the device of the tests");
     let language = language(&device);
     static SHOWN: Once = Once::new();
     SHOWN.call_once(|| {
@@ -40,14 +41,14 @@ pub fn device() -> Device {
     device
 }
 
-/// The language that kernels for a device are compiled into, from the name of its runtime: `wgpu<spirv>`.
+/// The language that kernels for a device are compiled into, from the name of its runtime: `wgpu<spirv>`, `cuda`.
 fn language(device: &Device) -> String {
     let DispatchDevice::Cube(cube) = device.clone().inner().as_dispatch().clone() else {
         panic!("{device:?} is no GPU");
     };
     let name = cube.client().name();
     let language = name.split(['<', '>']).nth(1);
-    language.unwrap_or_else(|| panic!("{name}")).to_owned()
+    language.unwrap_or(name).to_owned()
 }
 
 /// How an image differs from that of the host at the same seed by more than rounding of what both compute: in few pixels a

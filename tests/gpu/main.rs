@@ -1,6 +1,6 @@
 //! GPUs, or a software driver of one, beside the host.
 //!
-//! `SOFTRAY_WGPU_KIND=cpu` picks a software adapter.
+//! `SOFTRAY_GPU` names the device, as in `SOFTRAY_GPU=vulkan:cpu` for a software driver.
 
 #[path = "../common/mod.rs"]
 mod common;

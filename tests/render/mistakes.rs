@@ -21,7 +21,11 @@ fn devices() {
     let named = |name| softray::device::named(Some(name));
     let mut told = Told::default();
     told.expect("device gpu", &["\"gpu\"", "flex", "wgpu"], || named("gpu"));
-    told.expect("device cuda", &["\"cuda\"", "wgpu"], || named("cuda"));
+    told.expect("device tpu", &["\"tpu\"", "wgpu"], || named("tpu"));
+    #[cfg(not(feature = "cuda"))]
+    told.expect("device cuda, not built in", &["--features cuda"], || {
+        named("cuda:1")
+    });
     told.expect("device cpu", &["\"cpu\"", "flex"], || named("cpu"));
     #[cfg(not(feature = "wgpu"))]
     told.expect("device wgpu, not built in", &["--features wgpu"], || {

@@ -328,18 +328,8 @@ fn a_drawn_weight_carries_its_gradient() {
     check_ratio(&Device::flex(), DType::F64, 1e-12);
 }
 
-/// `SOFTRAY_WGPU_KIND=cpu` selects a software driver.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 #[test]
-fn f32_on_wgpu() {
-    use burn::tensor::DeviceKind;
-    let kind = match std::env::var("SOFTRAY_WGPU_KIND").as_deref() {
-        Ok("cpu") => DeviceKind::Cpu,
-        _ => DeviceKind::DefaultDevice,
-    };
-    #[cfg(feature = "vulkan")]
-    let device = Device::vulkan(kind);
-    #[cfg(not(feature = "vulkan"))]
-    let device = Device::wgpu(kind);
-    check(&device, DType::F32, 2e-4, 2e-3);
+fn f32_on_a_gpu() {
+    check(&crate::device::of_tests(), DType::F32, 2e-4, 2e-3);
 }
