@@ -32,6 +32,28 @@ struct Readme;
 #[doc = include_str!("../docs/GUIDE.md")]
 struct Guide;
 
+#[cfg(doctest)]
+#[doc = include_str!("../docs/README.md")]
+struct Introduction;
+
+#[cfg(all(doctest, feature = "fit"))]
+mod recipes {
+    #[doc = include_str!("../docs/recipes/pose.md")]
+    struct Pose;
+    #[doc = include_str!("../docs/recipes/texture.md")]
+    struct Texture;
+    #[doc = include_str!("../docs/recipes/mesh.md")]
+    struct Mesh;
+    #[doc = include_str!("../docs/recipes/material.md")]
+    struct Material;
+    #[doc = include_str!("../docs/recipes/lens.md")]
+    struct Lens;
+    #[doc = include_str!("../docs/recipes/network.md")]
+    struct Network;
+    #[doc = include_str!("../docs/recipes/environment.md")]
+    struct Environment;
+}
+
 mod accel;
 mod cube;
 mod debug;

@@ -1,10 +1,11 @@
 //! The rules of ARCHITECTURE.md that a program can check: imports go one way, files stay short, long
 //! functions give a reason. Clippy counts the lines of functions (`clippy.toml`). Documents name files that are there,
-//! and CI runs the tests of every feature.
+//! their links lead somewhere, and CI runs the tests of every feature.
 
 mod circles;
 mod features;
 mod files;
+mod links;
 mod modules;
 mod order;
 mod paths;
@@ -12,6 +13,7 @@ mod paths;
 use circles::circles;
 use features::not_run;
 use files::{long_without_reason, root, sources, too_long};
+use links::Pages;
 use modules::Modules;
 use order::Order;
 use paths::{Known, documents};
@@ -65,6 +67,16 @@ fn documents_name_files_that_are_there() {
     let documents = documents();
     let missing: Vec<String> = documents.iter().flat_map(|d| known.missing(d)).collect();
     assert_none("files that are named and not there", &missing);
+}
+
+#[test]
+fn links_lead_somewhere() {
+    let pages = Pages::of_repository();
+    assert_none("links that lead nowhere", &pages.broken());
+    assert_none(
+        "pages that docs/SUMMARY.md does not list",
+        &pages.unlisted(),
+    );
 }
 
 #[test]

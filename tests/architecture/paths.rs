@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Component, Path};
 
 use crate::files::{Source, root, sources};
+use crate::links::markdown;
 
 /// What looks like a path and is none of this repository: an element of another library, a folder that a program
 /// writes, a line of an OBJ file.
@@ -12,16 +13,6 @@ const OTHERS: [&str; 3] = ["obj/sphere", "out/", "v/vt/vn"];
 
 /// The documents: all Markdown, and the comments of Rust files that are documentation.
 pub fn documents() -> Vec<Source> {
-    let markdown = ["", "docs"].into_iter().flat_map(|folder| {
-        let entries = fs::read_dir(root().join(folder)).expect("a folder");
-        let names =
-            entries.map(|entry| Path::new(folder).join(entry.expect("an entry").file_name()));
-        names.filter(|path| path.extension().is_some_and(|e| e == "md"))
-    });
-    let markdown = markdown.map(|path| {
-        let text = fs::read_to_string(root().join(&path)).expect("a document");
-        (path, text)
-    });
     let comments = sources().into_iter().map(|(path, text)| {
         let lines = text.lines().map(|line| {
             let line = line.trim_start();
@@ -32,7 +23,7 @@ pub fn documents() -> Vec<Source> {
         });
         (path, lines.collect::<Vec<_>>().join("\n"))
     });
-    markdown.chain(comments).collect()
+    markdown().into_iter().chain(comments).collect()
 }
 
 /// Paths of files and folders as the repository has them, each with all that ends it, so that one may leave out the
