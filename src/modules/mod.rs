@@ -18,7 +18,7 @@
 //!   A value with a range is stored in one of these forms, so no step of an optimizer leaves the range. Other names
 //!   are values themselves. The names are the format of files.
 //!
-//! They behave like burn's own modules. On a device with autodiff their parameters are trained. On a device
+//! The modules behave like burn's own. On a device with autodiff their parameters are trained. On a device
 //! without autodiff they are trained after a call of `.train()`. The modules can be fields of another module,
 //! frozen, saved and loaded:
 //!
@@ -69,9 +69,9 @@
 //! which is 1. Loading returns an error for a newer version, and for a file with earlier names it says which names
 //! changed. A file without the metadata, such as one from another framework, is loaded if its names match.
 //!
-//! `save_file` and `try_load_file` of burn's `Module` write and read burnpack, which has no room for this version:
-//! a record with other names is an error of burn that lists the missing parameters. Use safetensors for files that
-//! should outlive a version of this crate.
+//! `save_file` and `try_load_file` of burn's `Module` write and read burnpack, in which burn stores no such version:
+//! for a record with other names, burn returns an error that lists the missing parameters. Use safetensors for files
+//! that should outlive a version of this crate.
 
 mod camera;
 mod debug;
