@@ -155,7 +155,7 @@ impl Problem for Posed {
         let few = self.options.clone().with_samples(8);
         let see = |k| render(&self.scene, &camera, &step.options(&few, k));
         let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-        let loss = loss::multi_scale_unbiased(a.clone(), b, self.target.clone(), 4);
+        let loss = loss::multi_scale_unbiased(a.clone(), b, self.target.clone(), 4)?;
         Ok(Evaluation::new(loss)
             .with_value("eye", distance(&numbers(&pose.eye.val()), &EYE))
             .with_value("target", distance(&aim(pose), &TARGET))

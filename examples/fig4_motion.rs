@@ -97,7 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             let few = options.clone().with_samples(16);
             let see = |k| render(&scene, &camera, &step.options(&few, k));
             let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-            let image = loss::mse_unbiased(a.clone(), b, target.clone());
+            let image = loss::mse_unbiased(a.clone(), b, target.clone())?;
             // The regularizer holds vertices that are not visible close to their neighbors.
             let smooth = topology.laplacian(vertices.clone().unsqueeze());
             let far = distance(&numbers(&velocity), &VELOCITY.map(f64::from));

@@ -107,7 +107,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             let few = options.clone().with_samples(16);
             let see = |k| render(&scene, &camera, &step.options(&few, k));
             let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-            let loss = loss::mse_unbiased(a.clone(), b, target.clone());
+            let loss = loss::mse_unbiased(a.clone(), b, target.clone())?;
             let both = numbers(&both);
             Ok(Evaluation::new(loss)
                 .with_value("aperture", both[0])

@@ -100,7 +100,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             let few = options.clone().with_samples(8);
             let see = |k| render(&scene, &camera, &step.options(&few, k));
             let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-            let loss = loss::mse_unbiased(a.clone(), b, target.clone());
+            let loss = loss::mse_unbiased(a.clone(), b, target.clone())?;
             let all = all(surface);
             Ok(Evaluation::new(loss)
                 .with_value("diffuse", distance(&all[..3], &TARGET[..3]))

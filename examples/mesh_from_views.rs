@@ -121,9 +121,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
                 let (target, silhouette) = targets[view].clone();
                 first = first.or(Some((view, a.radiance.clone(), target.clone())));
                 if let Some(opacity) = a.opacity {
-                    sum = sum + loss::silhouette_iou(opacity, silhouette) * 0.2;
+                    sum = sum + loss::silhouette_iou(opacity, silhouette)? * 0.2;
                 }
-                sum = sum + loss::mse_unbiased(a.radiance, b.radiance, target);
+                sum = sum + loss::mse_unbiased(a.radiance, b.radiance, target)?;
             }
             let batch = vertices.unsqueeze();
             let regular = topology.laplacian(batch.clone()) * 0.05

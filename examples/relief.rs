@@ -10,7 +10,7 @@ use burn::optim::AdamConfig;
 use burn::tensor::TensorData;
 use burn::tensor::activation::sigmoid;
 use clap::Parser;
-use softray::modules::NormalMapParams;
+use softray::modules::{NormalMapParams, NormalMapParamsConfig};
 use softray::optim::{Evaluation, Rate};
 use softray::prelude::*;
 
@@ -97,7 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         arguments.either(120, 250),
     );
     let plate = Plate {
-        relief: NormalMapParams::flat(n, n, &device.clone().autodiff()),
+        relief: NormalMapParamsConfig::new(n, n).init(&device.clone().autodiff())?,
         roughness: Param::from_tensor(one((ROUGHNESS[1] / (1.0 - ROUGHNESS[1])).ln()).autodiff()),
     };
     let flat = plate.relief.texels();

@@ -149,7 +149,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
                 let see = |r| render(&scene, &cameras[view], &step.options(&few, r));
                 let (a, b) = (see(2 * k as u64)?.radiance, see(2 * k as u64 + 1)?.radiance);
                 first = first.or(Some((view, a.clone())));
-                let loss = loss::mse_unbiased(a, b, targets[view].clone());
+                let loss = loss::mse_unbiased(a, b, targets[view].clone())?;
                 sum = Some(match sum {
                     Some(sum) => sum + loss,
                     None => loss,

@@ -89,9 +89,10 @@ pub mod prelude {
     pub use crate::io::{HostImage, LoadLimits, SceneFile};
     pub use crate::loss;
     pub use crate::modules::{
-        CameraParams, CameraParamsConfig, EnvironmentParams, MaterialParams, MaterialParamsConfig,
-        MeshOffsets, MeshParams, NormalMapParams, RenderLoss, RenderLossConfig, Renderer,
-        RigidTransform, RigidTransformConfig, TextureParams,
+        CameraParams, CameraParamsConfig, EnvironmentParams, EnvironmentParamsConfig,
+        MaterialParams, MaterialParamsConfig, MeshOffsets, MeshParams, NormalMapParams,
+        NormalMapParamsConfig, RenderLoss, RenderLossConfig, Renderer, RigidTransform,
+        RigidTransformConfig, TextureParams, TextureParamsConfig,
     };
     pub use crate::optim::BlurSchedule;
     #[cfg(feature = "fit")]

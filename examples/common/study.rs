@@ -125,7 +125,7 @@ impl Goal {
             render(scene, &self.camera, &options)
         };
         let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-        let loss = loss::mse_unbiased(a.clone(), b, self.image.clone());
+        let loss = loss::mse_unbiased(a.clone(), b, self.image.clone())?;
         Ok(Evaluation::new(loss)
             .with_image("render", a)
             .with_target("render", self.image.clone()))

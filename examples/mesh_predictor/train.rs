@@ -96,7 +96,7 @@ impl Trainer<'_> {
         let image = (a.radiance - target.radiance.clone()) * (b.radiance - target.radiance);
         Ok(Parts {
             image: image.mean(),
-            silhouette: loss::silhouette_iou((a.opacity + b.opacity) * 0.5, target.opacity),
+            silhouette: loss::silhouette_iou((a.opacity + b.opacity) * 0.5, target.opacity)?,
             normals: self.regular.normal_consistency(bodies.vertices.clone()),
         })
     }

@@ -9,7 +9,7 @@ use super::limits::Place;
 use super::textures::Textures;
 use crate::error::Result;
 use crate::geometry::host_values;
-use crate::scene::{AlphaMask, Bsdf, ColorTexture, Material, NormalMap, ScalarTexture, Wrap};
+use crate::scene::{AlphaMask, ColorTexture, Material, NormalMap, ScalarTexture, Wrap};
 
 /// The channels of an image of metal and roughness.
 const ROUGHNESS: usize = 1;
@@ -122,12 +122,7 @@ impl<'a> Materials<'a> {
             }
             let nearly_1 = (from.ior - 1.0).abs() < LEAST_IOR - 1.0;
             let ior = if nearly_1 { LEAST_IOR } else { from.ior };
-            return Ok(Material::new(Bsdf::Dielectric {
-                tint: base,
-                ior: ior.into(),
-                roughness: roughness(self)?,
-                compensated: true,
-            }));
+            return Ok(Material::dielectric(ior, roughness(self)?).with_tint(base));
         }
         if from.transmission > 0.0 && !only_metal {
             self.drops("transmission of less than all light, or beside metal");

@@ -10,7 +10,7 @@ use super::HostImage;
 use super::decode::Decoded;
 use super::limits::Place;
 use crate::error::{Error, Result};
-use crate::scene::{Bsdf, ColorTexture, Material, ScalarTexture};
+use crate::scene::{ColorTexture, Material, ScalarTexture};
 
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -102,12 +102,7 @@ impl MaterialDocument {
             Model::Conductor => Material::conductor(self.eta, self.extinction, roughness),
             Model::Dielectric => {
                 let ior = place.number(&field("ior"), self.ior, 1.5, 0)?;
-                Material::new(Bsdf::Dielectric {
-                    tint: color,
-                    ior,
-                    roughness,
-                    compensated: true,
-                })
+                Material::dielectric(ior, roughness).with_tint(color)
             }
         };
         Ok(material.with_name(object))

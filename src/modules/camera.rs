@@ -63,7 +63,7 @@ impl CameraParamsConfig {
                 AimForm::Direction => Aim::Direction(three(view)),
             },
             up: three(self.up).set_require_grad(false),
-            fov: leaf(vec![logit(share)], [1], device),
+            logit_fov: leaf(vec![logit(share)], [1], device),
             lens: self.lens.map(|[aperture, focus]| LensParams {
                 log_aperture: leaf(vec![aperture.ln()], [1], device),
                 log_focus: leaf(vec![focus.ln()], [1], device),
@@ -106,7 +106,7 @@ pub struct LensParams {
 ///     .freeze_fov()
 ///     .freeze_lens();
 /// let camera = params.camera();
-/// assert!(camera.eye.is_tracked() && !params.fov.is_require_grad());
+/// assert!(camera.eye.is_tracked() && !params.logit_fov.is_require_grad());
 /// assert!(matches!(camera.projection, Projection::Perspective { .. }));
 /// # Ok::<(), softray::Error>(())
 /// ```
@@ -119,7 +119,7 @@ pub struct CameraParams {
     /// A direction that points up in the image, `[3]`; frozen by default.
     pub up: Param<Tensor<1>>,
     /// The logit of (fov_y − 1°)/(170° − 1°), where fov_y is the vertical field of view, `[1]`.
-    pub fov: Param<Tensor<1>>,
+    pub logit_fov: Param<Tensor<1>>,
     /// The thin lens; absent for a pinhole camera.
     pub lens: Option<LensParams>,
 }
@@ -162,7 +162,7 @@ impl CameraParams {
 
     /// Freezes the field of view, so that it is not trained.
     pub fn freeze_fov(mut self) -> Self {
-        self.fov = self.fov.set_require_grad(false);
+        self.logit_fov = self.logit_fov.set_require_grad(false);
         self
     }
 
@@ -185,7 +185,7 @@ impl CameraParams {
             Aim::Target(point) => point.val(),
             Aim::Direction(direction) => eye.clone() + direction.val(),
         };
-        let fov = sigmoid(self.fov.val()) * (FOV[1] - FOV[0]) + FOV[0];
+        let fov = sigmoid(self.logit_fov.val()) * (FOV[1] - FOV[0]) + FOV[0];
         let camera = Camera::look_at(eye, target)
             .with_up(self.up.val())
             .with_fov_y(fov);

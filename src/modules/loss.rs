@@ -3,7 +3,9 @@ use burn::module::Module;
 use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
-use crate::optim::loss::{dssim, l1, mse, multi_scale, multi_scale_unbiased, silhouette_iou};
+use crate::optim::loss::{
+    check_levels, check_pair, dssim, l1, mse, multi_scale, multi_scale_unbiased, silhouette_iou,
+};
 use crate::scene::Range;
 
 const OBJECT: &str = "render loss";
@@ -49,14 +51,9 @@ impl RenderLossConfig {
             Range::NotNegative.check(OBJECT, field, &[weight])?;
         }
         Range::Positive.check(OBJECT, "range", &[self.range])?;
-        let wrong =
-            |field, found: &str, expected| Err(Error::invalid(OBJECT, field, found, expected));
-        if weights.iter().all(|&(_, weight)| weight == 0.0) {
-            return wrong("weights", "all 0", "one that is more");
-        }
-        if self.levels == 0 {
-            return wrong("levels", "0", "at least 1");
-        }
+        let weighted = weights.iter().any(|&(_, weight)| weight > 0.0);
+        Error::unless(weighted, OBJECT, "weights", "all 0", "one that is more")?;
+        check_levels(OBJECT, self.levels)?;
         Ok(RenderLoss {
             config: self.clone(),
         })
@@ -74,7 +71,7 @@ impl RenderLossConfig {
 /// let loss = RenderLossConfig::new().with_l1(0.5).with_levels(3).init()?;
 /// let image = Tensor::<4>::ones([2, 8, 8, 3], &Device::flex());
 /// let target = image.zeros_like();
-/// assert_eq!(loss.forward(image, target).into_scalar::<f32>(), 1.5);
+/// assert_eq!(loss.forward(image, target)?.into_scalar::<f32>(), 1.5);
 /// # Ok::<(), softray::Error>(())
 /// ```
 #[derive(Module, Debug)]
@@ -87,52 +84,60 @@ impl RenderLoss {
     /// Returns the loss `[1]` for one render of each image. The squared difference is too large by the variance
     /// of the noise; [`RenderLoss::forward_unbiased`] avoids this bias.
     ///
-    /// # Panics
-    /// If the shapes differ or the batch is empty.
-    pub fn forward<const D: usize>(&self, image: Tensor<D>, target: Tensor<D>) -> Tensor<1> {
-        same_shape(&image, &target);
+    /// # Errors
+    /// If the shapes or the float types differ, or an axis has length 0.
+    pub fn forward<const D: usize>(
+        &self,
+        image: Tensor<D>,
+        target: Tensor<D>,
+    ) -> Result<Tensor<1>> {
+        check_pair(OBJECT, &image, &target)?;
         multi_scale(image, target, self.config.levels, |image, target| {
             self.weighted(self.config.mse, &image, &target)
         })
     }
 
     /// Returns the loss `[1]` for two renders of each image with independent seeds, for example from
-    /// [`Renderer::pair`](super::Renderer::pair).
+    /// [`Renderer::forward_pair`](super::Renderer::forward_pair).
     ///
     /// Noise does not bias the squared difference ([`mse_unbiased`](crate::loss::mse_unbiased)), which may be
     /// negative. The other terms remain biased; they use the mean of both renders, whose variance is half.
     ///
-    /// # Panics
+    /// # Errors
     /// Like [`RenderLoss::forward`].
     pub fn forward_unbiased<const D: usize>(
         &self,
         a: Tensor<D>,
         b: Tensor<D>,
         target: Tensor<D>,
-    ) -> Tensor<1> {
-        same_shape(&a, &target);
-        same_shape(&b, &target);
+    ) -> Result<Tensor<1>> {
+        check_pair(OBJECT, &a, &target)?;
+        check_pair(OBJECT, &b, &target)?;
         let (mut terms, levels) = (Vec::new(), self.config.levels);
         if self.config.l1 > 0.0 || self.config.dssim > 0.0 {
             let both = (a.clone() + b.clone()) * 0.5;
             let weighted = |image, target| self.weighted(0.0, &image, &target);
-            terms.push(multi_scale(both, target.clone(), levels, weighted));
+            terms.push(multi_scale(both, target.clone(), levels, weighted)?);
         }
         if self.config.mse > 0.0 {
-            let squares = multi_scale_unbiased(a.clone(), b, target, levels);
+            let squares = multi_scale_unbiased(a.clone(), b, target, levels)?;
             terms.push(squares * self.config.mse);
         }
-        sum(terms, &a)
+        Ok(sum(terms, &a))
     }
 
     /// Returns the weighted silhouette loss `[1]` ([`silhouette_iou`](crate::loss::silhouette_iou)) of
     /// opacities `[H, W]` or batches `[B, H, W]`. Add it to the loss of the images.
     ///
-    /// # Panics
-    /// If the shapes differ or the batch is empty.
-    pub fn silhouette<const D: usize>(&self, opacity: Tensor<D>, target: Tensor<D>) -> Tensor<1> {
-        same_shape(&opacity, &target);
-        silhouette_iou(opacity, target) * self.config.silhouette
+    /// # Errors
+    /// Like [`RenderLoss::forward`].
+    pub fn silhouette<const D: usize>(
+        &self,
+        opacity: Tensor<D>,
+        target: Tensor<D>,
+    ) -> Result<Tensor<1>> {
+        check_pair(OBJECT, &opacity, &target)?;
+        Ok(silhouette_iou(opacity, target)? * self.config.silhouette)
     }
 
     /// Returns the weighted losses at one level; `squares` is the weight of the squared
@@ -142,29 +147,20 @@ impl RenderLoss {
         squares: f64,
         image: &Tensor<D>,
         target: &Tensor<D>,
-    ) -> Tensor<1> {
+    ) -> Result<Tensor<1>> {
         let mut terms = Vec::new();
         if squares > 0.0 {
-            terms.push(mse(image.clone(), target.clone()) * squares);
+            terms.push(mse(image.clone(), target.clone())? * squares);
         }
         if self.config.l1 > 0.0 {
-            terms.push(l1(image.clone(), target.clone()) * self.config.l1);
+            terms.push(l1(image.clone(), target.clone())? * self.config.l1);
         }
         if self.config.dssim > 0.0 {
-            terms.push(dssim(image.clone(), target.clone(), self.config.range) * self.config.dssim);
+            let apart = dssim(image.clone(), target.clone(), self.config.range)?;
+            terms.push(apart * self.config.dssim);
         }
-        sum(terms, image)
+        Ok(sum(terms, image))
     }
-}
-
-/// Checked here because burn would broadcast an axis of length 1, and the mean of nothing is NaN.
-fn same_shape<const D: usize>(image: &Tensor<D>, target: &Tensor<D>) {
-    let (found, expected) = (image.dims(), target.dims());
-    assert!(!found.contains(&0), "render loss: the batch is empty");
-    assert!(
-        found == expected,
-        "render loss: image and target differ in shape: {found:?}, expected {expected:?}"
-    );
 }
 
 /// Returns the sum of scalars, 0 if there are none.

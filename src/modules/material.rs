@@ -12,34 +12,38 @@ const OBJECT: &str = "material";
 /// logarithm.
 const LEAST: f64 = 1e-3;
 
-/// Makes a [`MaterialParams`].
+/// The configuration of a [`MaterialParams`].
 #[derive(Config, Debug)]
 pub struct MaterialParamsConfig {
-    /// k_d, or the base color of facets, RGB in [0, 1].
+    /// k_d, or the base color or tint of facets, RGB in [0, 1]; 0.5 by default.
     #[config(default = "[0.5, 0.5, 0.5]")]
     pub diffuse: [f64; 3],
-    /// k_s, RGB in [0, 1]; without it there is no Phong lobe.
+    /// k_s, RGB in [0, 1]; by default there is no Phong lobe.
     pub specular: Option<[f64; 3]>,
-    /// The exponent of the Phong lobe, > 0; it counts where there is one.
+    /// The exponent of the Phong lobe, > 0, if there is one; 10 by default.
     #[config(default = 10.0)]
     pub shininess: f64,
-    /// Radiance of the front side, RGB ≥ 0; without it nothing is emitted.
+    /// Radiance of the front side, RGB ≥ 0; by default nothing is emitted.
     pub emission: Option<[f64; 3]>,
-    /// The roughness of facets in [0, 1]; with it the material is one of facets, without a Phong lobe: by
-    /// `conductor` a metal, by `ior` clear matter, else [`Material::metallic_roughness`].
+    /// The roughness of facets in [0, 1]. With it the material has facets and no Phong lobe: it is a metal if
+    /// `conductor` is set, clear matter if `ior` is set, and otherwise [`Material::metallic_roughness`].
     pub roughness: Option<f64>,
-    /// The share of metal in [0, 1].
+    /// The share of metal in [0, 1]; 0 by default.
     #[config(default = 0.0)]
     pub metallic: f64,
     /// η and k of a conductor, RGB > 0.
     pub conductor: Option<[[f64; 3]; 2]>,
     /// The index of refraction of a dielectric, > 1.
     pub ior: Option<f64>,
+    /// Whether light that scatters several times between microfacets is added ([`Material::with_compensated`]);
+    /// true by default.
+    #[config(default = true)]
+    pub compensated: bool,
 }
 
 impl MaterialParamsConfig {
-    /// The material, in the device's default float type. Of what is diffuse, specular and absorbed each
-    /// begins with a share of about 1e-3 at least, and an emission with 1e-3.
+    /// Creates the parameters, in the device's default float type. The diffuse, the specular and the absorbed share
+    /// start at about 1e-3 at least, and an emission at 1e-3.
     ///
     /// # Errors
     /// If a value is out of its range, or k_d + k_s is more than 1.
@@ -53,7 +57,7 @@ impl MaterialParamsConfig {
         }
         let constant = Material::phong(self.diffuse, specular, self.shininess);
         constant.check_energy(OBJECT)?;
-        let [roughness, metallic, index] = self.facets()?;
+        self.check_facets()?;
         let sum: [f64; 3] = std::array::from_fn(|i| self.diffuse[i] + specular[i]);
         let log = |x: f64| x.max(LEAST).ln();
         let shares = |c: usize| {
@@ -65,26 +69,32 @@ impl MaterialParamsConfig {
         };
         let parts = shares(0).len();
         let shininess = vec![self.shininess.ln()];
+        let share = |p: f64| leaf(vec![logit(p.clamp(LEAST, 1.0 - LEAST))], [1], device);
+        let logs = |v: [f64; 3]| leaf(v.map(f64::ln).to_vec(), [3], device);
+        let mixed = self.roughness.is_some() && self.conductor.is_none() && self.ior.is_none();
         Ok(MaterialParams {
-            shares: leaf((0..3).flat_map(shares).collect(), [3, parts], device),
+            logit_shares: leaf((0..3).flat_map(shares).collect(), [3, parts], device),
             log_shininess: self.specular.map(|_| leaf(shininess, [1], device)),
             log_emission: self
                 .emission
                 .map(|e| leaf(e.map(log).to_vec(), [3], device)),
-            roughness: roughness.map(|v| leaf(v, [1], device)),
-            metallic: metallic.map(|v| leaf(v, [1], device)),
-            log_index: index.map(|v| leaf(v.clone(), [v.len()], device)),
+            logit_roughness: self.roughness.map(share),
+            logit_metallic: mixed.then(|| share(self.metallic)),
+            log_eta: self.conductor.map(|[eta, _]| logs(eta)),
+            log_extinction: self.conductor.map(|[_, k]| logs(k)),
+            log_contrast: self
+                .ior
+                .map(|ior| leaf(vec![(ior - 1.0).ln()], [1], device)),
+            compensated: self.compensated,
         })
     }
 
-    /// Where parameters of facets begin, before the functions that keep them in their ranges: of roughness, metal and
-    /// index of refraction those that there are.
-    fn facets(&self) -> Result<[Option<Vec<f64>>; 3]> {
+    /// Checks the parameters of facets, and that no others are given.
+    fn check_facets(&self) -> Result<()> {
         let Some(roughness) = self.roughness else {
             let given = self.conductor.is_some() || self.ior.is_some();
             let expected = "a number in [0, 1], since there is a conductor or an ior";
-            Error::unless(!given, OBJECT, "roughness", "none", expected)?;
-            return Ok([None, None, None]);
+            return Error::unless(!given, OBJECT, "roughness", "none", expected);
         };
         let one = self.conductor.is_none() || self.ior.is_none();
         let expected = "none, since there is a conductor";
@@ -94,28 +104,18 @@ impl MaterialParamsConfig {
         Error::unless(matt, OBJECT, "specular", "given", expected)?;
         Range::Share.check(OBJECT, "roughness", &[roughness])?;
         Range::Share.check(OBJECT, "metallic", &[self.metallic])?;
-        let index = match (self.conductor, self.ior) {
-            (Some(pair), _) => {
-                Range::Positive.check(OBJECT, "conductor", &pair.concat())?;
-                Some(pair.concat().iter().map(|x| x.ln()).collect())
-            }
-            (None, Some(ior)) => {
-                let expected = "an index of refraction of more than 1";
-                Error::unless(ior > 1.0 && ior.is_finite(), OBJECT, "ior", ior, expected)?;
-                Some(vec![(ior - 1.0).ln()])
-            }
-            (None, None) => None,
-        };
-        let share = |p: f64| Some(vec![logit(p.clamp(LEAST, 1.0 - LEAST))]);
-        let metallic = index.is_none().then(|| share(self.metallic)).flatten();
-        Ok([share(roughness), metallic, index])
+        let conductor = self.conductor.unwrap_or([[1.0; 3]; 2]).concat();
+        Range::Positive.check(OBJECT, "conductor", &conductor)?;
+        let ior = self.ior.unwrap_or(2.0);
+        let expected = "an index of refraction of more than 1";
+        Error::unless(ior > 1.0 && ior.is_finite(), OBJECT, "ior", ior, expected)
     }
 }
 
-/// A material that can't make energy: of each channel's light a share is reflected diffusely, a share
-/// specularly, and a share absorbed, by a softmax. Shininess and emission stay more than 0: they are
-/// kept as logarithms. Of facets the diffuse share is the base color, the roughness and the share of metal stay in
-/// (0, 1), η and k more than 0, and the index of refraction more than 1.
+/// A material that never reflects more light than it receives: a softmax divides the light of each channel into a
+/// diffuse, a specular and an absorbed share. Shininess and emission stay more than 0. With facets, the diffuse
+/// share is the base color or the tint; roughness and share of metal stay in (0, 1), η and k stay more than 0, and
+/// the index of refraction stays more than 1.
 ///
 /// ```
 /// use softray::modules::MaterialParamsConfig;
@@ -134,22 +134,30 @@ pub struct MaterialParams {
     /// Logits of the shares of light that the surface reflects diffusely, reflects specularly and absorbs:
     /// `[3, 3]`, one row per color channel, or `[3, 2]` (diffuse, absorbed) where nothing is specular. The
     /// softmax of a row gives the shares.
-    pub shares: Param<Tensor<2>>,
+    pub logit_shares: Param<Tensor<2>>,
     /// ln of the Phong exponent, `[1]`, where something is specular.
     pub log_shininess: Option<Param<Tensor<1>>>,
     /// ln of the emitted radiance, `[3]`, where something is emitted.
     pub log_emission: Option<Param<Tensor<1>>>,
-    /// ln(r/(1 − r)) of the roughness r of facets, `[1]`, where the material is one of facets.
-    pub roughness: Option<Param<Tensor<1>>>,
-    /// ln(m/(1 − m)) of the share m of metal, `[1]`, of metallic–roughness.
-    pub metallic: Option<Param<Tensor<1>>>,
-    /// ln of η and k of a conductor, `[6]`, or of the index of refraction of a dielectric less 1, `[1]`.
-    pub log_index: Option<Param<Tensor<1>>>,
+    /// Logit of the roughness of facets, `[1]`, where the material has facets.
+    pub logit_roughness: Option<Param<Tensor<1>>>,
+    /// Logit of the share of metal, `[1]`, of a metallic–roughness material.
+    pub logit_metallic: Option<Param<Tensor<1>>>,
+    /// ln of η, `[3]`, of a conductor.
+    pub log_eta: Option<Param<Tensor<1>>>,
+    /// ln of k, `[3]`, of a conductor.
+    pub log_extinction: Option<Param<Tensor<1>>>,
+    /// ln of the index of refraction less 1, `[1]`, of a dielectric.
+    pub log_contrast: Option<Param<Tensor<1>>>,
+    /// Whether light that scatters several times between microfacets is added; a constant.
+    #[module(skip)]
+    compensated: bool,
 }
 
 impl MaterialParams {
-    /// Parameters of a material of constant colors, in the device's default float type, without a Phong lobe and
-    /// without emission where it is constantly black.
+    /// Creates parameters with the values of a material of constant colors, in the device's default float type. A
+    /// constantly black Phong lobe or emission has no parameters. The name, the normal map and the alpha mask are
+    /// left out.
     ///
     /// # Errors
     /// Like [`MaterialParamsConfig::init`], or if a color is a texture
@@ -171,7 +179,8 @@ impl MaterialParams {
             Ok(p.values()?[0])
         };
         let least = |p: &Parameter<3>| Ok::<_, Error>(p.values()?.map(|x| x.max(LEAST)));
-        let mut config = MaterialParamsConfig::new();
+        let mut config =
+            MaterialParamsConfig::new().with_compensated(material.bsdf.is_compensated());
         match &material.bsdf {
             Bsdf::Phong {
                 diffuse,
@@ -221,11 +230,11 @@ impl MaterialParams {
         config.init(device)
     }
 
-    /// The material, in the graph of the parameters.
+    /// Returns the material, in the graph of the parameters.
     pub fn material(&self) -> Material {
-        let shares = softmax(self.shares.val(), 1);
+        let shares = softmax(self.logit_shares.val(), 1);
         let part = |i: usize| shares.clone().slice([0..3, i..i + 1]).reshape([3]);
-        let material = match &self.roughness {
+        let material = match &self.logit_roughness {
             Some(roughness) => self.facets(part(0), sigmoid(roughness.val())),
             None => match &self.log_shininess {
                 Some(log) => Material::phong(part(0), part(1), positive(log.val())),
@@ -240,20 +249,18 @@ impl MaterialParams {
 
     /// The material of facets with a base color or a tint.
     fn facets(&self, base: Tensor<1>, roughness: Tensor<1>) -> Material {
-        let index = self.log_index.as_ref().map(|log| positive(log.val()));
-        match (&self.metallic, index) {
-            (Some(metal), _) => Material::metallic_roughness(base, sigmoid(metal.val()), roughness),
-            (None, Some(index)) if index.dims() == [6] => {
-                let half = |i: usize| index.clone().slice(3 * i..3 * i + 3);
-                Material::conductor(half(0), half(1), roughness)
+        let exp = |log: &Param<Tensor<1>>| positive(log.val());
+        let conductor = self.log_eta.as_ref().zip(self.log_extinction.as_ref());
+        let material = match (&self.logit_metallic, conductor, &self.log_contrast) {
+            (Some(metal), ..) => {
+                Material::metallic_roughness(base, sigmoid(metal.val()), roughness)
             }
-            (None, Some(index)) => Material::new(Bsdf::Dielectric {
-                tint: base.into(),
-                ior: (index + 1.0).into(),
-                roughness: roughness.into(),
-                compensated: true,
-            }),
-            (None, None) => Material::diffuse(base),
-        }
+            (None, Some((eta, k)), _) => Material::conductor(exp(eta), exp(k), roughness),
+            (None, None, Some(contrast)) => {
+                Material::dielectric(exp(contrast) + 1.0, roughness).with_tint(base)
+            }
+            (None, None, None) => Material::diffuse(base),
+        };
+        material.with_compensated(self.compensated)
     }
 }

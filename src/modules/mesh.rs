@@ -1,8 +1,11 @@
 use std::sync::Arc;
 
 use burn::module::{Module, Param};
-use burn::tensor::Tensor;
+use burn::tensor::{Device, Tensor, TensorData};
 
+use super::values::leaf;
+use crate::error::Result;
+use crate::geometry::host_values;
 use crate::scene::{CornerAttribute, Mesh};
 
 /// A mesh with trained vertices.
@@ -16,11 +19,13 @@ use crate::scene::{CornerAttribute, Mesh};
 /// use burn::module::Module;
 /// use softray::modules::MeshParams;
 /// use softray::prelude::*;
-/// let ball = shapes::icosphere(1, &Device::flex().autodiff());
-/// let params = MeshParams::from_mesh(&ball);
+/// let device = Device::flex();
+/// let ball = shapes::icosphere(1, &device);
+/// let params = MeshParams::from_mesh(&ball, &device.autodiff())?;
 /// assert_eq!(params.num_params(), 42 * 3);
 /// let moved = params.mesh().translated(Tensor::from_floats([0.0, 1.0, 0.0], &Device::flex()));
 /// assert!(moved.vertices.is_tracked());
+/// # Ok::<(), softray::Error>(())
 /// ```
 #[derive(Module)]
 pub struct MeshParams {
@@ -30,12 +35,16 @@ pub struct MeshParams {
 }
 
 impl MeshParams {
-    /// Creates parameters with the vertices of a mesh, on their device and in their float type.
-    pub fn from_mesh(mesh: &Mesh) -> Self {
-        Self {
-            vertices: Param::from_tensor(mesh.vertices.clone().detach()),
-            template: Template::new(mesh),
-        }
+    /// Creates parameters with the vertices of a mesh, in the device's default float type.
+    ///
+    /// # Errors
+    /// If a tensor of the mesh cannot be read.
+    pub fn from_mesh(mesh: &Mesh, device: &Device) -> Result<Self> {
+        let values = host_values(&mesh.vertices)?;
+        Ok(Self {
+            vertices: leaf(values, mesh.vertices.dims(), device),
+            template: Template::new(mesh, device)?,
+        })
     }
 
     /// Returns the mesh, in the graph of the vertices.
@@ -52,10 +61,12 @@ impl MeshParams {
 /// ```
 /// use softray::modules::MeshOffsets;
 /// use softray::prelude::*;
-/// let ball = shapes::icosphere(1, &Device::flex().autodiff());
-/// let params = MeshOffsets::from_mesh(&ball);
+/// let device = Device::flex();
+/// let ball = shapes::icosphere(1, &device);
+/// let params = MeshOffsets::from_mesh(&ball, &device.autodiff())?;
 /// let penalty = params.offsets.val().powi_scalar(2).mean();
 /// assert_eq!(penalty.into_scalar::<f32>(), 0.0);
+/// # Ok::<(), softray::Error>(())
 /// ```
 #[derive(Module)]
 pub struct MeshOffsets {
@@ -66,14 +77,18 @@ pub struct MeshOffsets {
 }
 
 impl MeshOffsets {
-    /// Creates offsets of 0 from the vertices of a mesh, on their device and in their float type.
-    pub fn from_mesh(mesh: &Mesh) -> Self {
-        let rest = mesh.vertices.clone().detach();
-        Self {
-            offsets: Param::from_tensor(rest.zeros_like()),
+    /// Creates offsets of 0 from the vertices of a mesh, in the device's default float type.
+    ///
+    /// # Errors
+    /// If a tensor of the mesh cannot be read.
+    pub fn from_mesh(mesh: &Mesh, device: &Device) -> Result<Self> {
+        let rest = constant(&mesh.vertices, device)?;
+        let [count, axes] = rest.dims();
+        Ok(Self {
+            offsets: leaf(vec![0.0; count * axes], [count, axes], device),
             rest,
-            template: Template::new(mesh),
-        }
+            template: Template::new(mesh, device)?,
+        })
     }
 
     /// Returns the mesh, in the graph of the offsets.
@@ -82,6 +97,12 @@ impl MeshOffsets {
         let rest = self.rest.clone().cast(offsets.dtype());
         self.template.mesh(rest + offsets)
     }
+}
+
+/// Copies a tensor to a device without its graph, in the device's default float type.
+fn constant(tensor: &Tensor<2>, device: &Device) -> Result<Tensor<2>> {
+    let data = TensorData::new(host_values(tensor)?, tensor.dims());
+    Ok(Tensor::from_data(data, device))
 }
 
 /// The constant parts of a mesh with trained vertices. The tensors move between devices with the module.
@@ -95,14 +116,18 @@ struct Template {
 }
 
 impl Template {
-    fn new(mesh: &Mesh) -> Self {
+    fn new(mesh: &Mesh, device: &Device) -> Result<Self> {
         let attributes = mesh.attributes().map(|(_, _, attribute)| attribute);
         let [uvs, normals, colors, tangents] =
             attributes.map(|a| a.map_or_else(Arc::default, |a| a.faces.clone()));
-        Self {
-            attributes: attributes.map(|a| a.map(|a| a.values.clone().detach())),
-            faces: [mesh.faces.clone(), uvs, normals, colors, tangents],
+        let mut constants = [const { None }; 4];
+        for (constant_of, attribute) in constants.iter_mut().zip(attributes) {
+            *constant_of = attribute.map(|a| constant(&a.values, device)).transpose()?;
         }
+        Ok(Self {
+            attributes: constants,
+            faces: [mesh.faces.clone(), uvs, normals, colors, tangents],
+        })
     }
 
     /// Builds the mesh. Constants are cast to the float type of the vertices, which a loaded file may have

@@ -2,18 +2,28 @@
 //!
 //! Each type turns its parameters into a part of a [`Scene`](crate::scene::Scene): [`MeshParams`] and
 //! [`MeshOffsets`] into a mesh, [`RigidTransform`] into a transform, [`CameraParams`] into a camera,
-//! [`TextureParams`] into an albedo, [`EnvironmentParams`] into an environment, [`MaterialParams`] into a
-//! material. A value with a range is stored as a logarithm or a logit, so no step of an optimizer leaves the
-//! range.
+//! [`TextureParams`] into a texture, [`NormalMapParams`] into a normal map, [`EnvironmentParams`] into an
+//! environment, [`MaterialParams`] into a material.
 //!
-//! They behave like burn's own modules. On a device with autodiff their parameters are trained. On a device
+//! # Rules
+//! - **Constructors**: a part is made from numbers by its configuration, `XConfig::new(…).with_y(…).init(&device)`,
+//!   or from a value by `X::from_y(&value, &device)`. Both return a [`Result`](crate::Result), because numbers may be
+//!   out of their range and tensors may not be readable. Meshes have no configuration, and transforms are not made
+//!   from a value. Parameters are on `device`, in its default float type; [`cast`] changes it.
+//! - **Outputs**: a module with an input computes its output by `forward`, as in burn: [`RigidTransform::forward`],
+//!   [`Renderer::forward`], [`RenderLoss::forward`]. A part without an input has methods that are named for what they
+//!   return ([`MeshParams::mesh`], [`EnvironmentParams::texels`] and [`EnvironmentParams::environment`]), because
+//!   `forward()` would not say what it returns, and some parts have two outputs.
+//! - **Names of parameters**: `logit_x` is the logit ln(x/(1 − x)) of x (of shares, the softmax), and `log_x` is ln x.
+//!   A value with a range is stored in one of these forms, so no step of an optimizer leaves the range. Other names
+//!   are values themselves. The names are the format of files.
+//!
+//! The modules behave like burn's own. On a device with autodiff their parameters are trained. On a device
 //! without autodiff they are trained after a call of `.train()`. The modules can be fields of another module,
 //! frozen, saved and loaded:
 //!
 //! ```
 //! use burn::module::Module;
-//! use softray::modules::{MaterialParams, MaterialParamsConfig, RigidTransform};
-//! use softray::modules::{RenderLoss, RenderLossConfig, Renderer};
 //! use softray::prelude::*;
 //!
 //! #[derive(Module, Debug)]
@@ -28,17 +38,17 @@
 //!     /// What a training step takes backward: burn's `TrainStep` is this and a call of `TrainOutput::new`.
 //!     fn forward(&self, target: Tensor<3>, seed: u64) -> softray::Result<Tensor<1>> {
 //!         let mesh = shapes::icosahedron(&Device::flex());
-//!         let object = Object::new(self.pose.apply(mesh)).with_material(self.surface.material());
+//!         let object = Object::new(self.pose.forward(mesh)).with_material(self.surface.material());
 //!         let scene = Scene::new().with_object(object).with_environment([1.0, 1.0, 1.0]);
 //!         let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]);
-//!         let [a, b] = self.renderer.pair(&scene, &camera, seed)?;
-//!         Ok(self.loss.forward_unbiased(a.radiance, b.radiance, target))
+//!         let [a, b] = self.renderer.forward_pair(&scene, &camera, seed)?;
+//!         self.loss.forward_unbiased(a.radiance, b.radiance, target)
 //!     }
 //! }
 //!
 //! let device = Device::flex().autodiff();
 //! let ball = Ball {
-//!     pose: RigidTransform::new(&device),
+//!     pose: RigidTransformConfig::new().init(&device)?,
 //!     surface: MaterialParamsConfig::new().init(&device)?,
 //!     renderer: Renderer::new(RenderOptions::new(8, 8).with_samples(2))?,
 //!     loss: RenderLossConfig::new().init()?,
@@ -49,10 +59,19 @@
 //! # Ok::<(), softray::Error>(())
 //! ```
 //!
+//! # Files
 //! Records and files contain only the parameters. Constants (faces, texture coordinates, the form of a
 //! rotation) come from the module into which they are loaded. Its parameters must have the same shapes as the
-//! saved ones. `save_file` and `try_load_file` of burn's `Module` write and read burnpack. `save_safetensors`
-//! and `load_safetensors` of this module (feature `safetensors`) use a format that other frameworks also read.
+//! saved ones.
+//!
+//! `save_safetensors` and `load_safetensors` of this module (feature `safetensors`) use a format that other
+//! frameworks also read. Their files name the version of the parameters' names in the metadata `softray_format`,
+//! which is 1. Loading returns an error for a newer version, and for a file with earlier names it says which names
+//! changed. A file without the metadata, such as one from another framework, is loaded if its names match.
+//!
+//! `save_file` and `try_load_file` of burn's `Module` write and read burnpack, in which burn stores no such version:
+//! for a record with other names, burn returns an error that lists the missing parameters. Use safetensors for files
+//! that should outlive a version of this crate.
 
 mod camera;
 mod debug;
@@ -73,6 +92,9 @@ pub use mesh::{MeshOffsets, MeshParams};
 pub use renderer::Renderer;
 #[cfg(feature = "safetensors")]
 pub use store::{load_safetensors, save_safetensors};
-pub use texture::{EnvironmentParams, NormalMapParams, TextureParams};
+pub use texture::{
+    EnvironmentParams, EnvironmentParamsConfig, NormalMapParams, NormalMapParamsConfig,
+    TextureParams, TextureParamsConfig,
+};
 pub use transform::{RigidTransform, RigidTransformConfig, RotationForm};
 pub use values::cast;

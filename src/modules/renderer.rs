@@ -45,7 +45,7 @@ impl Renderer {
     ///
     /// # Errors
     /// Like [`render()`].
-    pub fn render(&self, scene: &Scene, camera: &Camera, seed: u64) -> Result<Image> {
+    pub fn forward(&self, scene: &Scene, camera: &Camera, seed: u64) -> Result<Image> {
         render(scene, camera, &self.seeded(seed))
     }
 
@@ -53,19 +53,19 @@ impl Renderer {
     ///
     /// # Errors
     /// Like [`render_batch`].
-    pub fn render_batch(&self, batch: &Batch, seed: u64) -> Result<ImageBatch> {
+    pub fn forward_batch(&self, batch: &Batch, seed: u64) -> Result<ImageBatch> {
         render_batch(batch, &self.seeded(seed))
     }
 
-    /// Renders a batch twice with independent seeds, like [`Renderer::pair`].
+    /// Renders a batch twice with independent seeds, like [`Renderer::forward_pair`].
     ///
     /// # Errors
     /// Like [`render_batch`].
-    pub fn pair_batch(&self, batch: &Batch, seed: u64) -> Result<[ImageBatch; 2]> {
+    pub fn forward_pair_batch(&self, batch: &Batch, seed: u64) -> Result<[ImageBatch; 2]> {
         let first = seed.wrapping_mul(2);
         Ok([
-            self.render_batch(batch, first)?,
-            self.render_batch(batch, first.wrapping_add(1))?,
+            self.forward_batch(batch, first)?,
+            self.forward_batch(batch, first.wrapping_add(1))?,
         ])
     }
 
@@ -74,11 +74,11 @@ impl Renderer {
     ///
     /// # Errors
     /// Like [`render()`].
-    pub fn pair(&self, scene: &Scene, camera: &Camera, seed: u64) -> Result<[Image; 2]> {
+    pub fn forward_pair(&self, scene: &Scene, camera: &Camera, seed: u64) -> Result<[Image; 2]> {
         let first = seed.wrapping_mul(2);
         Ok([
-            self.render(scene, camera, first)?,
-            self.render(scene, camera, first.wrapping_add(1))?,
+            self.forward(scene, camera, first)?,
+            self.forward(scene, camera, first.wrapping_add(1))?,
         ])
     }
 

@@ -1,6 +1,8 @@
 //! Parameters of modules in safetensors files.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use burn::module::{Module, ModuleVisitor, Param};
@@ -13,19 +15,39 @@ use burn::tensor::{DType, Tensor};
 
 use crate::error::{Error, Result};
 
+/// The key of the metadata for the version of the parameters' names.
+const KEY: &str = "softray_format";
+/// The version of the parameters' names that this crate writes. It rises when a name changes, with a row in
+/// [`RENAMED`].
+const FORMAT: u32 = 1;
+/// Names of parameters in files without a version, and today's names.
+const RENAMED: [(&str, &str); 7] = [
+    ("fov", "logit_fov"),
+    ("logits", "logit_texels"),
+    ("logs", "log_radiance"),
+    ("shares", "logit_shares"),
+    ("roughness", "logit_roughness"),
+    ("metallic", "logit_metallic"),
+    ("log_index", "log_eta and log_extinction, or log_contrast"),
+];
+/// The largest header of a safetensors file, bytes.
+const LARGEST_HEADER: u64 = 100_000_000;
+
 /// Writes the parameters of a module to a safetensors file.
 ///
 /// The file is written completely or not at all: an existing file is replaced once the new one is complete. The
-/// names of the parameters are the paths of the module's fields, separated by dots.
+/// names of the parameters are the paths of the module's fields, separated by dots. The metadata `softray_format`
+/// is the version of these names.
 ///
 /// ```
-/// use softray::modules::{RigidTransform, load_safetensors, save_safetensors};
+/// use softray::modules::{load_safetensors, save_safetensors};
 /// use softray::prelude::*;
 /// let device = Device::flex().autodiff();
 /// let path = std::env::temp_dir().join(format!("softray-{}.safetensors", std::process::id()));
-/// let pose = RigidTransform::new(&device).with_translation([0.0, 0.5, 0.0])?;
+/// let config = RigidTransformConfig::new();
+/// let pose = config.clone().with_translation([0.0, 0.5, 0.0]).init(&device)?;
 /// save_safetensors(&pose, &path)?;
-/// let loaded = load_safetensors(RigidTransform::new(&device), &path)?;
+/// let loaded = load_safetensors(config.init(&device)?, &path)?;
 /// assert_eq!(loaded.translation.val().into_data(), pose.translation.val().into_data());
 /// # std::fs::remove_file(&path).expect("a file");
 /// # Ok::<(), softray::Error>(())
@@ -35,7 +57,8 @@ use crate::error::{Error, Result};
 /// If a parameter cannot be read back from its device, or the file cannot be written.
 pub fn save_safetensors<M: Module>(module: &M, path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
-    let mut store = SafetensorsStore::from_file(path).overwrite(true);
+    let store = SafetensorsStore::from_file(path).overwrite(true);
+    let mut store = store.metadata(KEY, FORMAT.to_string());
     module.save_into(&mut store).map_err(|e| failed(path, e))
 }
 
@@ -44,9 +67,11 @@ pub fn save_safetensors<M: Module>(module: &M, path: impl AsRef<Path>) -> Result
 ///
 /// # Errors
 /// If the file cannot be read, or its parameters do not match the module: a parameter is missing, exists only
-/// in the file, or has another shape or kind.
+/// in the file, or has another shape or kind. A file of a newer version is an error, and so is a file with the names
+/// of an earlier version; the error lists the changed names.
 pub fn load_safetensors<M: Module>(module: M, path: impl AsRef<Path>) -> Result<M> {
     let (path, mut module) = (path.as_ref(), module);
+    let versioned = check_version(path)?;
     let mut types = FloatTypes::default();
     module.visit(&mut types);
     // Mismatches are reported below, by the name of the parameter.
@@ -87,6 +112,11 @@ pub fn load_safetensors<M: Module>(module: M, path: impl AsRef<Path>) -> Result<
         Some(error) => return Err(Error::format(path, error.to_string())),
         None => {}
     }
+    let earlier: Vec<String> = applied.unused.iter().filter_map(|n| renamed(n)).collect();
+    if !versioned && !earlier.is_empty() {
+        let found = format!("absent, with earlier names: {}", earlier.join("; "));
+        return wrong(KEY, found, format!("{FORMAT} and today's names"));
+    }
     if let Some((name, _)) = applied.missing.first() {
         return wrong(
             name,
@@ -102,6 +132,44 @@ pub fn load_safetensors<M: Module>(module: M, path: impl AsRef<Path>) -> Result<
         );
     }
     Ok(module)
+}
+
+/// Returns an earlier name of a parameter with today's name.
+fn renamed(path: &str) -> Option<String> {
+    let name = path.rsplit('.').next();
+    let (_, now) = RENAMED.iter().find(|(then, _)| Some(*then) == name)?;
+    Some(format!("{path}, now {now}"))
+}
+
+/// Checks that a file's version is not newer than this crate's. Returns whether the file has one.
+fn check_version(path: &Path) -> Result<bool> {
+    let Some(found) = metadata(path)?.remove(KEY) else {
+        return Ok(false);
+    };
+    let expected = format!("a version up to {FORMAT}, which this softray reads");
+    let known = found.parse::<u32>().is_ok_and(|v| v <= FORMAT);
+    let object = path.display().to_string();
+    Error::unless(known, &object, KEY, found, &expected)?;
+    Ok(true)
+}
+
+/// Reads the metadata of a safetensors file: the entry `__metadata__` of its header, which is JSON after its length.
+/// It is empty if the header is malformed, which burn reports.
+fn metadata(path: &Path) -> Result<HashMap<String, String>> {
+    #[derive(Default, serde::Deserialize)]
+    struct Header {
+        #[serde(default)]
+        __metadata__: HashMap<String, String>,
+    }
+    let mut file = File::open(path).map_err(Error::io(path))?;
+    let mut length = [0; 8];
+    let mut text = Vec::new();
+    if file.read_exact(&mut length).is_ok() && u64::from_le_bytes(length) <= LARGEST_HEADER {
+        let mut header = file.take(u64::from_le_bytes(length));
+        header.read_to_end(&mut text).map_err(Error::io(path))?;
+    }
+    let header: Header = serde_json::from_slice(&text).unwrap_or_default();
+    Ok(header.__metadata__)
 }
 
 fn failed(path: &Path, error: SafetensorsStoreError) -> Error {

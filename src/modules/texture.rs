@@ -1,8 +1,9 @@
+use burn::config::Config;
 use burn::module::{Module, Param};
 use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Tensor};
 
-use super::values::{leaf, positive};
+use super::values::{leaf, logit, positive};
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
 #[cfg(doc)]
@@ -16,52 +17,97 @@ const LEAST_RADIANCE: f64 = 1e-3;
 /// The largest initial slope of a normal map.
 const STEEPEST: f64 = 10.0;
 
+/// The configuration of a [`TextureParams`], which starts with the same color everywhere.
+#[derive(Config, Debug)]
+pub struct TextureParamsConfig {
+    /// The number of rows of texels.
+    pub height: usize,
+    /// The number of columns of texels.
+    pub width: usize,
+    /// The initial color, RGB in [0, 1]; 0.5 by default.
+    #[config(default = "[0.5; 3]")]
+    pub color: [f64; 3],
+}
+
+impl TextureParamsConfig {
+    /// Creates the texture, in the device's default float type. Values within 1e-3 of 0 or 1 start at that
+    /// distance.
+    ///
+    /// # Errors
+    /// If a value is outside of [0, 1], or there are no texels.
+    pub fn init(&self, device: &Device) -> Result<TextureParams> {
+        let size = check_size("texture", [self.height, self.width])?;
+        Range::Share.check("texture", "color", &self.color)?;
+        let texels = self.color.repeat(self.height * self.width);
+        Ok(TextureParams::of(texels, size, device))
+    }
+}
+
 /// A texture whose texels stay between 0 and 1: a texel is the logistic function of its parameter.
 ///
 /// ```
-/// use softray::modules::TextureParams;
+/// use softray::modules::TextureParamsConfig;
 /// use softray::prelude::*;
-/// let texture = TextureParams::gray(16, 32, &Device::flex().autodiff());
-/// let material = Material::diffuse(texture.albedo(Wrap::Repeat));
+/// let texture = TextureParamsConfig::new(16, 32).init(&Device::flex().autodiff())?;
+/// let material = Material::diffuse(texture.texture(Wrap::Repeat));
 /// # let _ = material;
+/// # Ok::<(), softray::Error>(())
 /// ```
 #[derive(Module)]
 pub struct TextureParams {
     /// Logits ln(a/(1 − a)) of the texels a, `[H, W, 3]`.
-    pub logits: Param<Tensor<3>>,
+    pub logit_texels: Param<Tensor<3>>,
 }
 
 impl TextureParams {
-    /// Creates a texture of height × width texels of 0.5, in the device's default float type.
-    pub fn gray(height: usize, width: usize, device: &Device) -> Self {
-        Self {
-            logits: leaf(vec![0.0; height * width * 3], [height, width, 3], device),
-        }
-    }
-
-    /// Creates parameters with the texels of an image `[H, W, 3]`, on its device and in its float type. Texels
+    /// Creates parameters with the texels of an image `[H, W, 3]`, in the device's default float type. Texels
     /// within 1e-3 of 0 or 1 start at that distance.
     ///
     /// # Errors
     /// If the shape differs, a value is outside of [0, 1], or the image cannot be read.
-    pub fn from_image(image: Tensor<3>) -> Result<Self> {
-        check_map("texture", &image, Range::Share)?;
-        let texels = image.detach().clamp(MARGIN, 1.0 - MARGIN);
-        let odds = texels.clone() / texels.neg().add_scalar(1.0);
-        Ok(Self {
-            logits: Param::from_tensor(odds.log().detach()),
-        })
+    pub fn from_image(image: &Tensor<3>, device: &Device) -> Result<Self> {
+        let texels = texels_of("texture", image, Range::Share)?;
+        Ok(Self::of(texels, image.dims(), device))
+    }
+
+    fn of(texels: Vec<f64>, size: [usize; 3], device: &Device) -> Self {
+        let logits = texels.iter().map(|a| logit(a.clamp(MARGIN, 1.0 - MARGIN)));
+        Self {
+            logit_texels: leaf(logits.collect(), size, device),
+        }
     }
 
     /// Returns the texels `[H, W, 3]`, in the graph of the parameters.
     pub fn texels(&self) -> Tensor<3> {
-        sigmoid(self.logits.val())
+        sigmoid(self.logit_texels.val())
     }
 
-    /// Returns the albedo, in the graph of the parameters.
-    pub fn albedo(&self, wrap: Wrap) -> ColorTexture {
+    /// Returns the texture, in the graph of the parameters.
+    pub fn texture(&self, wrap: Wrap) -> ColorTexture {
         let texels = self.texels();
         ColorTexture::Texture { texels, wrap }
+    }
+}
+
+/// The configuration of a [`NormalMapParams`], which starts without tilt.
+#[derive(Config, Debug)]
+pub struct NormalMapParamsConfig {
+    /// The number of rows of texels.
+    pub height: usize,
+    /// The number of columns of texels.
+    pub width: usize,
+}
+
+impl NormalMapParamsConfig {
+    /// Creates the map, in the device's default float type.
+    ///
+    /// # Errors
+    /// If there are no texels.
+    pub fn init(&self, device: &Device) -> Result<NormalMapParams> {
+        let [height, width, _] = check_size("normal map", [self.height, self.width])?;
+        Ok(NormalMapParams {
+            slopes: leaf(vec![0.0; height * width * 2], [height, width, 2], device),
+        })
     }
 }
 
@@ -69,11 +115,12 @@ impl TextureParams {
 /// (x, y, 1), normalized.
 ///
 /// ```
-/// use softray::modules::NormalMapParams;
+/// use softray::modules::NormalMapParamsConfig;
 /// use softray::prelude::*;
-/// let map = NormalMapParams::flat(16, 32, &Device::flex().autodiff());
+/// let map = NormalMapParamsConfig::new(16, 32).init(&Device::flex().autodiff())?;
 /// let material = Material::default().with_normal_map(map.texels(), 1.0);
 /// # let _ = material;
+/// # Ok::<(), softray::Error>(())
 /// ```
 #[derive(Module)]
 pub struct NormalMapParams {
@@ -83,25 +130,20 @@ pub struct NormalMapParams {
 }
 
 impl NormalMapParams {
-    /// Creates a map of height × width texels without tilt, in the device's default float type.
-    pub fn flat(height: usize, width: usize, device: &Device) -> Self {
-        Self {
-            slopes: leaf(vec![0.0; height * width * 2], [height, width, 2], device),
-        }
-    }
-
-    /// Creates parameters with the texels of a map `[H, W, 3]` in [−1, 1] (see [`Material::with_normal_map`]), on
-    /// its device and in its float type. Slopes beyond ±10 (a tilt of 84° along an axis) start at ±10.
+    /// Creates parameters with the texels of a map `[H, W, 3]` in [−1, 1] (see [`Material::with_normal_map`]), in
+    /// the device's default float type. Slopes beyond ±10 (a tilt of 84° along an axis) start at ±10.
     ///
     /// # Errors
     /// If the shape differs, a value is not finite, or the map cannot be read.
-    pub fn from_map(map: Tensor<3>) -> Result<Self> {
-        check_map("normal map", &map, Range::Finite)?;
-        let texels = map.detach();
-        let (tilt, up) = (texels.clone().narrow(2, 0, 2), texels.narrow(2, 2, 1));
-        let slopes = (tilt / up.clamp_min(1e-3)).clamp(-STEEPEST, STEEPEST);
+    pub fn from_map(map: &Tensor<3>, device: &Device) -> Result<Self> {
+        let texels = texels_of("normal map", map, Range::Finite)?;
+        let slope = |tilt: f64, up: f64| (tilt / up.max(1e-3)).clamp(-STEEPEST, STEEPEST);
+        let slopes = texels
+            .chunks(3)
+            .flat_map(|t| [slope(t[0], t[2]), slope(t[1], t[2])]);
+        let [height, width, _] = map.dims();
         Ok(Self {
-            slopes: Param::from_tensor(slopes.detach()),
+            slopes: leaf(slopes.collect(), [height, width, 2], device),
         })
     }
 
@@ -115,13 +157,40 @@ impl NormalMapParams {
     }
 }
 
+/// The configuration of an [`EnvironmentParams`], which starts with the same radiance everywhere.
+#[derive(Config, Debug)]
+pub struct EnvironmentParamsConfig {
+    /// The number of rows of texels.
+    pub height: usize,
+    /// The number of columns of texels.
+    pub width: usize,
+    /// The initial radiance, RGB ≥ 0; 1 by default.
+    #[config(default = "[1.0; 3]")]
+    pub radiance: [f64; 3],
+}
+
+impl EnvironmentParamsConfig {
+    /// Creates the map, in the device's default float type. Values less than 1e-3 start at 1e-3.
+    ///
+    /// # Errors
+    /// If a value is not a finite number ≥ 0, or there are no texels.
+    pub fn init(&self, device: &Device) -> Result<EnvironmentParams> {
+        let size = check_size("environment", [self.height, self.width])?;
+        Range::NotNegative.check("environment", "radiance", &self.radiance)?;
+        let radiance = self.radiance.repeat(self.height * self.width);
+        Ok(EnvironmentParams::of(radiance, size, device))
+    }
+}
+
 /// An environment map whose radiance stays more than 0: the parameters are its logarithms. Logarithms beyond
 /// ±30 count as ±30.
 ///
 /// ```
-/// use softray::modules::EnvironmentParams;
+/// use softray::modules::EnvironmentParamsConfig;
 /// use softray::prelude::*;
-/// let sky = EnvironmentParams::uniform(8, 16, 0.5, &Device::flex().autodiff())?;
+/// let sky = EnvironmentParamsConfig::new(8, 16)
+///     .with_radiance([0.5; 3])
+///     .init(&Device::flex().autodiff())?;
 /// let scene = Scene::new().with_environment(sky.environment());
 /// # let _ = scene;
 /// # Ok::<(), softray::Error>(())
@@ -129,43 +198,30 @@ impl NormalMapParams {
 #[derive(Module)]
 pub struct EnvironmentParams {
     /// ln of the radiance, `[H, W, 3]`.
-    pub logs: Param<Tensor<3>>,
+    pub log_radiance: Param<Tensor<3>>,
 }
 
 impl EnvironmentParams {
-    /// Creates a map of height × width texels with the same radiance, > 0, in the device's default float type.
-    ///
-    /// # Errors
-    /// If the radiance is not a finite number > 0, or there are no texels.
-    pub fn uniform(height: usize, width: usize, radiance: f64, device: &Device) -> Result<Self> {
-        if height == 0 || width == 0 {
-            let size = format!("{height} × {width}");
-            let expected = "at least one row and column";
-            return Err(Error::invalid("environment", "size", size, expected));
-        }
-        Range::Positive.check("environment", "radiance", &[radiance])?;
-        let logs = vec![radiance.ln(); height * width * 3];
-        Ok(Self {
-            logs: leaf(logs, [height, width, 3], device),
-        })
-    }
-
-    /// Creates parameters with a map of radiance `[H, W, 3]` (see [`Environment::Map`]), on its device and in
-    /// its float type. Values less than 1e-3 start at 1e-3.
+    /// Creates parameters with a map of radiance `[H, W, 3]` (see [`Environment::Map`]), in the device's default
+    /// float type. Values less than 1e-3 start at 1e-3.
     ///
     /// # Errors
     /// If the shape differs, a value is not a finite number ≥ 0, or the map cannot be read.
-    pub fn from_map(map: Tensor<3>) -> Result<Self> {
-        check_map("environment", &map, Range::NotNegative)?;
-        let logs = map.detach().clamp_min(LEAST_RADIANCE).log();
-        Ok(Self {
-            logs: Param::from_tensor(logs.detach()),
-        })
+    pub fn from_map(map: &Tensor<3>, device: &Device) -> Result<Self> {
+        let radiance = texels_of("environment", map, Range::NotNegative)?;
+        Ok(Self::of(radiance, map.dims(), device))
+    }
+
+    fn of(radiance: Vec<f64>, size: [usize; 3], device: &Device) -> Self {
+        let logs = radiance.iter().map(|r| r.max(LEAST_RADIANCE).ln());
+        Self {
+            log_radiance: leaf(logs.collect(), size, device),
+        }
     }
 
     /// Returns the radiance `[H, W, 3]`, in the graph of the parameters.
     pub fn texels(&self) -> Tensor<3> {
-        positive(self.logs.val())
+        positive(self.log_radiance.val())
     }
 
     /// Returns the environment, in the graph of the parameters.
@@ -174,13 +230,24 @@ impl EnvironmentParams {
     }
 }
 
-fn check_map(object: &str, map: &Tensor<3>, range: Range) -> Result<()> {
+/// Returns the shape of a map of height × width texels, of which there must be one.
+fn check_size(object: &str, [height, width]: [usize; 2]) -> Result<[usize; 3]> {
+    let expected = "at least one row and column";
+    let found = format!("{height} × {width}");
+    Error::unless(height > 0 && width > 0, object, "size", found, expected)?;
+    Ok([height, width, 3])
+}
+
+/// Reads the texels of a map `[H, W, 3]` and checks their range.
+fn texels_of(object: &str, map: &Tensor<3>, range: Range) -> Result<Vec<f64>> {
     let [height, width, channels] = map.dims();
     if height == 0 || width == 0 || channels != 3 {
         let found = format!("of shape [{height}, {width}, {channels}]");
         return Err(Error::invalid(object, "image", found, "shape [H, W, 3]"));
     }
-    let all = host_values(map)?;
-    all.chunks(1)
-        .try_for_each(|number| range.check(object, "texel", number))
+    let texels = host_values(map)?;
+    for number in texels.chunks(1) {
+        range.check(object, "texel", number)?;
+    }
+    Ok(texels)
 }

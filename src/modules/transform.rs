@@ -18,30 +18,37 @@ pub enum RotationForm {
     Quaternion,
 }
 
-/// The configuration of a [`RigidTransform`], which starts as the identity.
+/// The configuration of a [`RigidTransform`]. By default it starts as the identity.
 #[derive(Config, Debug)]
 pub struct RigidTransformConfig {
     /// The parameterization of the rotation; [`RotationForm::SixD`] by default.
     #[config(default = "RotationForm::SixD")]
     pub rotation: RotationForm,
-    /// Whether the transform has a uniform scale; false by default.
-    #[config(default = false)]
-    pub scale: bool,
+    /// The initial translation, scene units; 0 by default.
+    #[config(default = "[0.0; 3]")]
+    pub translation: [f64; 3],
+    /// The initial uniform scale, > 0; by default the transform has no scale.
+    pub scale: Option<f64>,
 }
 
 impl RigidTransformConfig {
-    /// Creates the identity, in the device's default float type.
-    pub fn init(&self, device: &Device) -> RigidTransform {
+    /// Creates the transform without a rotation, in the device's default float type.
+    ///
+    /// # Errors
+    /// If a number is not finite, or the scale is not > 0.
+    pub fn init(&self, device: &Device) -> Result<RigidTransform> {
+        Range::Finite.check(OBJECT, "translation", &self.translation)?;
+        Range::Positive.check(OBJECT, "scale", self.scale.as_slice())?;
         let rotation = match self.rotation {
             RotationForm::SixD => vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
             RotationForm::Quaternion => vec![1.0, 0.0, 0.0, 0.0],
         };
         let numbers = rotation.len();
-        RigidTransform {
+        Ok(RigidTransform {
             rotation: leaf(rotation, [numbers], device),
-            translation: leaf(vec![0.0; 3], [3], device),
-            log_scale: self.scale.then(|| leaf(vec![0.0], [1], device)),
-        }
+            translation: leaf(self.translation.to_vec(), [3], device),
+            log_scale: self.scale.map(|s| leaf(vec![s.ln()], [1], device)),
+        })
     }
 }
 
@@ -52,12 +59,11 @@ impl RigidTransformConfig {
 /// use softray::prelude::*;
 /// let device = Device::flex().autodiff();
 /// let pose = RigidTransformConfig::new()
-///     .with_scale(true)
-///     .init(&device)
-///     .with_axis_angle([0.0, 1.0, 0.0], 30.0)?
-///     .with_translation([0.0, 0.2, 0.0])?
-///     .with_scale(0.7)?;
-/// let cube = pose.apply(shapes::cube(&Device::flex()));
+///     .with_translation([0.0, 0.2, 0.0])
+///     .with_scale(Some(0.7))
+///     .init(&device)?
+///     .with_axis_angle([0.0, 1.0, 0.0], 30.0)?;
+/// let cube = pose.forward(shapes::cube(&Device::flex()));
 /// assert!(cube.vertices.is_tracked());
 /// # Ok::<(), softray::Error>(())
 /// ```
@@ -72,12 +78,6 @@ pub struct RigidTransform {
 }
 
 impl RigidTransform {
-    /// Creates the identity without a scale, with the rotation as six numbers, in the device's default float
-    /// type.
-    pub fn new(device: &Device) -> Self {
-        RigidTransformConfig::new().init(device)
-    }
-
     /// Returns the parameterization of the rotation.
     pub fn form(&self) -> RotationForm {
         if self.rotation.lazy_shape().num_elements() == 4 {
@@ -131,31 +131,6 @@ impl RigidTransform {
         ))
     }
 
-    /// Sets the translation, in scene units.
-    ///
-    /// # Errors
-    /// If a number is not finite.
-    pub fn with_translation(mut self, offset: [f64; 3]) -> Result<Self> {
-        Range::Finite.check(OBJECT, "translation", &offset)?;
-        self.translation = set(self.translation, offset.to_vec());
-        Ok(self)
-    }
-
-    /// Sets the scale, > 0.
-    ///
-    /// # Errors
-    /// If it is not a finite number > 0, or the transform has no scale ([`RigidTransformConfig::scale`]).
-    pub fn with_scale(mut self, scale: f64) -> Result<Self> {
-        Range::Positive.check(OBJECT, "scale", &[scale])?;
-        let Some(log) = self.log_scale else {
-            let expected =
-                "a transform that was made with a scale: RigidTransformConfig::with_scale";
-            return Err(Error::invalid(OBJECT, "scale", scale, expected));
-        };
-        self.log_scale = Some(set(log, vec![scale.ln()]));
-        Ok(self)
-    }
-
     fn rotated(mut self, q: glam::DQuat) -> Self {
         let numbers = match self.form() {
             RotationForm::Quaternion => vec![q.w, q.x, q.y, q.z],
@@ -182,7 +157,7 @@ impl RigidTransform {
     }
 
     /// Applies the transform to a mesh and returns the result.
-    pub fn apply(&self, mesh: Mesh) -> Mesh {
+    pub fn forward(&self, mesh: Mesh) -> Mesh {
         mesh.transformed(&self.transform())
     }
 }

@@ -10,10 +10,12 @@ const LARGEST_LOG: f64 = 30.0;
 /// trained. Use f64 for exact gradients, on devices that support it.
 ///
 /// ```
-/// use softray::modules::{RigidTransform, cast};
+/// use burn::tensor::DType;
+/// use softray::modules::cast;
 /// use softray::prelude::*;
-/// let pose = cast(RigidTransform::new(&Device::flex()), burn::tensor::DType::F64);
-/// assert_eq!(pose.translation.val().dtype(), burn::tensor::DType::F64);
+/// let pose = RigidTransformConfig::new().init(&Device::flex())?;
+/// assert_eq!(cast(pose, DType::F64).translation.val().dtype(), DType::F64);
+/// # Ok::<(), softray::Error>(())
 /// ```
 pub fn cast<M: Module>(module: M, dtype: DType) -> M {
     struct Cast(DType);

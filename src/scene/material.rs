@@ -179,6 +179,15 @@ impl Material {
         self
     }
 
+    /// Sets the tint of a dielectric, RGB in [0, 1]: a factor of the light that it reflects and refracts; 1 by default.
+    /// Other BSDFs have none.
+    pub fn with_tint(mut self, color: impl Into<ColorTexture>) -> Self {
+        if let Bsdf::Dielectric { tint, .. } = &mut self.bsdf {
+            *tint = color.into();
+        }
+        self
+    }
+
     /// Sets the radiance that the front side emits, RGB.
     pub fn with_emission(mut self, radiance: impl Into<ColorTexture>) -> Self {
         self.emission = radiance.into();

@@ -121,13 +121,8 @@ fn glass_cases() -> Vec<Case> {
             with("ball", m, d, t)
         }),
         case("glass's color", 0.8, 0.1, 2, |d, t, p| {
-            let glass = Bsdf::Dielectric {
-                tint: vector(p, [1.0, 0.7, 0.5], d, t).into(),
-                ior: 1.5.into(),
-                roughness: 0.4.into(),
-                compensated: true,
-            };
-            with("ball", Material::new(glass), d, t)
+            let tint = vector(p, [1.0, 0.7, 0.5], d, t);
+            with("ball", Material::dielectric(1.5, 0.4).with_tint(tint), d, t)
         }),
         // What is seen through it moves at every bounce.
         Case {

@@ -1,11 +1,13 @@
 //! Settings of fits: mistakes, more steps, rates of groups.
 
 use super::run::{Point, adam, bowl, folder, place, point};
-use crate::common::errors::message;
-use burn::module::ParamGroup;
+use crate::common::errors::{message, says};
+use burn::module::{Module, Param, ParamGroup};
 use burn::optim::{AdamConfig, SgdConfig};
 use burn::tensor::Device;
-use softray::optim::{BlurSchedule, Evaluation, Fit, Rate, Step};
+use softray::optim::{
+    BlurSchedule, Evaluation, Fit, LargeSteps, LargeStepsConfig, Rate, Step, Warning,
+};
 use softray::prelude::*;
 
 #[test]
@@ -49,11 +51,11 @@ fn mistakes_are_named() {
             fit().with_blur(BlurSchedule::decay(0.1, 0.01, 5).expect("one")),
         ),
         ("groups' rates", fit().with_rate_of(own, 0.1)),
-        ("optimizer", of(sgd)),
-        ("optimizer", of(slower)),
+        ("optimizer of at (test steps)", of(sgd)),
+        ("optimizer of at (test steps)", of(slower)),
     ] {
         let found = message(other.with_folder(&folder).run(bowl));
-        let named = found.matches(" now").count() == 1 && found.contains(&format!("(\"{name} "));
+        let named = found.matches(" now").count() == 1 && found.contains(&format!("({name}: "));
         assert!(named, "{name}: {found}");
     }
     let fitted = fit()
@@ -84,7 +86,13 @@ fn groups_have_rates_of_their_own() {
     let fit = || Fit::new(at(), SgdConfig::new().init(), 3).with_progress(false);
     let moved = |fit: Fit<Point>| place(&fit.run(bowl).expect("a fit").module);
     let other = fit().with_rate_of(ParamGroup::from_path("nowhere"), 0.7);
-    assert_eq!(moved(fit()), moved(other));
+    let other = other.run(bowl).expect("a fit");
+    assert_eq!(moved(fit()), place(&other.module));
+    let [warning] = &other.warnings[..] else {
+        panic!("{:?}", other.warnings);
+    };
+    assert!(matches!(warning, Warning::EmptyGroup { .. }));
+    says(warning.to_string(), ["nowhere", "no effect", ": at"]);
     let own = || ParamGroup::from_path("at");
     assert_eq!(
         moved(fit().with_rate(0.3)),
@@ -95,4 +103,48 @@ fn groups_have_rates_of_their_own() {
         .with_rate_of(own(), 0.3);
     assert_eq!(moved(fit().with_rate(0.3)), moved(twice));
     assert!(message(fit().with_rate_of(own(), -1.0).run(bowl)).contains("rate is -1"));
+}
+
+#[derive(Module, Debug)]
+struct Ball {
+    vertices: Param<Tensor<2>>,
+    color: Param<Tensor<1>>,
+}
+
+/// A fit goes on with the same optimizers of groups, from any values, and with no others.
+#[test]
+fn optimizers_of_groups_are_compared() {
+    let folder = folder("groups");
+    let mesh = shapes::icosphere(1, &Device::flex().autodiff());
+    let fit = |lambda: f64, beta: f32, start: f32, steps: usize| {
+        let config = LargeStepsConfig::default().with_lambda(lambda);
+        let large = LargeSteps::from_mesh(&mesh, &config).expect("an optimizer");
+        let colors = AdamConfig::new().with_beta_1(beta).init();
+        let group = ParamGroup::from_path("vertices");
+        let color = Tensor::from_floats([start, 0.5, 0.5], &Device::flex().autodiff());
+        let ball = Ball {
+            vertices: Param::from_tensor(mesh.vertices.clone()),
+            color: Param::from_tensor(color),
+        };
+        Fit::new(ball, colors.with_group(group, large, None), steps)
+            .with_progress(false)
+            .with_folder(&folder)
+            .run(|ball: &Ball, _: &_| {
+                let far = (ball.vertices.val() - 1.0).powf_scalar(2.0).mean();
+                Ok(Evaluation::new(
+                    far + ball.color.val().powf_scalar(2.0).sum(),
+                ))
+            })
+    };
+    fit(19.0, 0.9, 0.5, 4).expect("a fit");
+    let more = fit(19.0, 0.9, 0.1, 6).expect("a fit");
+    assert_eq!(more.resumed, Some(4));
+    for (name, other, same) in [
+        ("vertices", fit(25.0, 0.9, 0.5, 8), "color"),
+        ("color", fit(19.0, 0.8, 0.5, 8), "vertices"),
+    ] {
+        let found = message(other);
+        says(&found, [&*format!("(optimizer of {name} (test steps): ")]);
+        assert!(!found.contains(&format!("optimizer of {same}")), "{found}");
+    }
 }

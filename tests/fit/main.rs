@@ -17,3 +17,4 @@ mod output;
 mod point_clouds;
 mod run;
 mod schedule;
+mod similarity;

@@ -20,6 +20,7 @@ struct All {
     pose: RigidTransform,
     camera: CameraParams,
     texture: TextureParams,
+    relief: NormalMapParams,
     sky: EnvironmentParams,
     surface: MaterialParams,
 }
@@ -27,22 +28,34 @@ struct All {
 fn all(device: &Device) -> All {
     let ball = shapes::icosahedron(device);
     All {
-        mesh: MeshParams::from_mesh(&ball),
-        offsets: MeshOffsets::from_mesh(&ball),
-        pose: RigidTransformConfig::new().with_scale(true).init(device),
+        mesh: MeshParams::from_mesh(&ball, device).expect("a mesh"),
+        offsets: MeshOffsets::from_mesh(&ball, device).expect("a mesh"),
+        pose: pose(device, Some(1.0)),
         camera: CameraParamsConfig::new([0.0, 0.0, 4.0], [0.0; 3])
             .with_lens(Some([0.1, 3.0]))
             .init(device)
             .expect("a camera")
             .freeze_lens(),
-        texture: TextureParams::gray(3, 4, device),
-        sky: EnvironmentParams::uniform(2, 4, 1.0, device).expect("a sky"),
+        texture: TextureParamsConfig::new(3, 4)
+            .init(device)
+            .expect("a texture"),
+        relief: NormalMapParamsConfig::new(2, 3)
+            .init(device)
+            .expect("a map"),
+        sky: EnvironmentParamsConfig::new(2, 4)
+            .init(device)
+            .expect("a sky"),
         surface: MaterialParamsConfig::new()
             .with_specular(Some([0.2; 3]))
             .with_emission(Some([1.0; 3]))
             .init(device)
             .expect("a material"),
     }
+}
+
+fn pose(device: &Device, scale: Option<f64>) -> RigidTransform {
+    let pose = RigidTransformConfig::new().with_scale(scale).init(device);
+    pose.expect("a pose")
 }
 
 fn path(name: &str) -> PathBuf {
@@ -99,7 +112,8 @@ fn files_take_the_modules_float_type() {
     let same = parameters(&all(&device), None);
     assert_eq!(parameters(&loaded, None), same);
     // Burn's records bring theirs: constants follow.
-    let offsets = MeshOffsets::from_mesh(&shapes::icosahedron(&device));
+    let offsets = MeshOffsets::from_mesh(&shapes::icosahedron(&device), &device);
+    let offsets = offsets.expect("a mesh");
     let double = cast(offsets.clone(), DType::F64).into_record();
     let mesh = offsets.try_load_record(double).expect("a module").mesh();
     assert_eq!(mesh.vertices.dtype(), DType::F64);
@@ -108,8 +122,10 @@ fn files_take_the_modules_float_type() {
 #[test]
 fn what_does_not_fit_is_named() {
     let device = Device::flex().autodiff();
-    let coarse = MeshParams::from_mesh(&shapes::icosahedron(&device));
-    let fine = MeshParams::from_mesh(&shapes::icosphere(1, &device));
+    let [coarse, fine] = [0, 1].map(|level| {
+        let ball = shapes::icosphere(level, &device);
+        MeshParams::from_mesh(&ball, &device).expect("a mesh")
+    });
     let file = path("fine.safetensors");
     save_safetensors(&fine, &file).expect("a file");
     let error = load_safetensors(coarse.clone(), &file).expect_err("another number of vertices");
@@ -124,19 +140,19 @@ fn what_does_not_fit_is_named() {
     let error = coarse.clone().try_load_record(fine.clone().into_record());
     says(message(error), ["vertices", "[12, 3]", "[42, 3]"]);
 
-    let offsets = MeshOffsets::from_mesh(&shapes::icosphere(1, &device));
-    let error = load_safetensors(offsets, &file).expect_err("other names");
+    let offsets = MeshOffsets::from_mesh(&shapes::icosphere(1, &device), &device);
+    let error = load_safetensors(offsets.expect("a mesh"), &file).expect_err("other names");
     says(&error, ["offsets is missing"]);
-    let scaled = RigidTransformConfig::new().with_scale(true).init(&device);
+    let scaled = pose(&device, Some(2.0));
     let file = path("scaled.safetensors");
     save_safetensors(&scaled, &file).expect("a file");
-    let error = load_safetensors(RigidTransform::new(&device), &file).expect_err("no scale");
+    let error = load_safetensors(pose(&device, None), &file).expect_err("no scale");
     says(&error, ["log_scale is in the file alone"]);
     let turned = RigidTransformConfig::new()
         .with_rotation(RotationForm::Quaternion)
-        .with_scale(true)
+        .with_scale(Some(1.0))
         .init(&device);
-    let error = load_safetensors(turned, &file).expect_err("another form");
+    let error = load_safetensors(turned.expect("a pose"), &file).expect_err("another form");
     says(&error, ["rotation is of shape [6]", "shape [4]"]);
 
     let absent = path("absent.safetensors");
@@ -152,6 +168,65 @@ fn what_does_not_fit_is_named() {
     says(&error, ["no-such-folder"]);
 }
 
+/// A file's names have a version: a newer one is refused, and names from before it are told with today's.
+#[test]
+fn names_have_a_version() {
+    use burn::module::Param;
+    use burn::store::{ModuleSnapshot, SafetensorsStore};
+
+    /// A material as it was before versions.
+    #[derive(Module, Debug)]
+    struct Old {
+        shares: Param<Tensor<2>>,
+    }
+    #[derive(Module, Debug)]
+    struct Holder<M: Module> {
+        surface: M,
+    }
+    let device = Device::flex().autodiff();
+    let today = || Holder {
+        surface: MaterialParamsConfig::new()
+            .init(&device)
+            .expect("a material"),
+    };
+    let file = path("version.safetensors");
+    let write = |version: Option<&str>| {
+        let store = SafetensorsStore::from_file(&file).overwrite(true);
+        let mut store = match version {
+            Some(version) => store.metadata("softray_format", version),
+            None => store,
+        };
+        today().save_into(&mut store).expect("a file");
+    };
+    save_safetensors(&today(), &file).expect("a file");
+    let header = std::fs::read(&file).expect("a file");
+    let header = String::from_utf8_lossy(&header);
+    assert!(header.contains(r#""softray_format":"1""#), "{header}");
+    for fits in [None, Some("1")] {
+        write(fits);
+        load_safetensors(today(), &file).expect("a module");
+    }
+    for newer in ["2", "new"] {
+        write(Some(newer));
+        let error = load_safetensors(today(), &file).expect_err("a newer file");
+        let found = format!("version.safetensors: softray_format is {newer}");
+        says(&error, [&*found, "a version up to 1"]);
+    }
+    let old = Holder {
+        surface: Old {
+            shares: Param::from_tensor(Tensor::zeros([3, 2], &device)),
+        },
+    };
+    let mut store = SafetensorsStore::from_file(&file).overwrite(true);
+    old.save_into(&mut store).expect("a file");
+    let error = load_safetensors(today(), &file).expect_err("earlier names");
+    let parts = [
+        "softray_format is absent",
+        "surface.shares, now logit_shares",
+    ];
+    says(&error, parts);
+}
+
 /// Saving replaces the file, and leaves nothing beside it.
 #[test]
 fn files_are_replaced_whole() {
@@ -160,10 +235,12 @@ fn files_are_replaced_whole() {
     let file = folder.join("pose.safetensors");
     let device = Device::flex();
     for x in [1.0, 2.0] {
-        let pose = RigidTransform::new(&device).with_translation([x, 0.0, 0.0]);
+        let pose = RigidTransformConfig::new()
+            .with_translation([x, 0.0, 0.0])
+            .init(&device);
         save_safetensors(&pose.expect("a pose"), &file).expect("a file");
     }
-    let loaded = load_safetensors(RigidTransform::new(&device), &file).expect("a module");
+    let loaded = load_safetensors(pose(&device, None), &file).expect("a module");
     assert_eq!(common::values(&loaded.translation.val()), [2.0, 0.0, 0.0]);
     assert_eq!(std::fs::read_dir(&folder).expect("a folder").count(), 1);
 }

@@ -74,23 +74,20 @@ fn f64_mesh(mesh: Mesh) -> Mesh {
 fn gradients_of_meshes_and_transforms() {
     let ball = shapes::icosahedron(&autodiff());
     let see = |mesh: Mesh| seen(&glowing(mesh), &ahead());
-    check(MeshParams::from_mesh(&ball), &[("vertices", 7)], |m| {
-        see(m.mesh())
-    });
-    check(MeshOffsets::from_mesh(&ball), &[("offsets", 4)], |m| {
-        see(m.mesh())
-    });
+    let params = MeshParams::from_mesh(&ball, &autodiff()).expect("a mesh");
+    check(params, &[("vertices", 7)], |m| see(m.mesh()));
+    let params = MeshOffsets::from_mesh(&ball, &autodiff()).expect("a mesh");
+    check(params, &[("offsets", 4)], |m| see(m.mesh()));
     let cube = || f64_mesh(shapes::cube(&Device::flex()));
     for form in [RotationForm::SixD, RotationForm::Quaternion] {
         let pose = RigidTransformConfig::new()
             .with_rotation(form)
-            .with_scale(true)
+            .with_scale(Some(0.8))
             .init(&autodiff())
-            .with_axis_angle([1.0, 2.0, 0.5], 40.0)
-            .and_then(|p| p.with_scale(0.8))
+            .and_then(|p| p.with_axis_angle([1.0, 2.0, 0.5], 40.0))
             .expect("a pose");
         let components = [("rotation", 1), ("translation", 0), ("log_scale", 0)];
-        check(pose, &components, |p| see(p.apply(cube())));
+        check(pose, &components, |p| see(p.forward(cube())));
     }
 }
 
@@ -112,7 +109,7 @@ fn gradients_of_cameras() {
             ("eye", 0),
             (aim, 1),
             ("up", 0),
-            ("fov", 0),
+            ("logit_fov", 0),
             ("lens.log_aperture", 0),
             ("lens.log_focus", 0),
         ];
@@ -137,9 +134,10 @@ fn gradients_of_textures_environments_and_materials() {
             .with_object(Object::new(wall()).with_material(material))
             .with_object(light)
     };
-    let texture = TextureParams::gray(2, 3, &device);
-    check(texture, &[("logits", 4)], |t| {
-        seen(&lit(Material::diffuse(t.albedo(Wrap::Clamp))), &ahead())
+    let texture = TextureParamsConfig::new(2, 3).init(&device);
+    let texture = texture.expect("a texture");
+    check(texture, &[("logit_texels", 4)], |t| {
+        seen(&lit(Material::diffuse(t.texture(Wrap::Clamp))), &ahead())
     });
     let material = MaterialParamsConfig::new()
         .with_diffuse([0.5, 0.4, 0.3])
@@ -147,13 +145,18 @@ fn gradients_of_textures_environments_and_materials() {
         .with_emission(Some([0.1, 0.2, 0.3]))
         .init(&device)
         .expect("a material");
-    let components = [("shares", 1), ("log_shininess", 0), ("log_emission", 2)];
+    let components = [
+        ("logit_shares", 1),
+        ("log_shininess", 0),
+        ("log_emission", 2),
+    ];
     check(material, &components, |m| {
         seen(&lit(m.material()), &ahead())
     });
-    let sky = EnvironmentParams::uniform(4, 8, 0.7, &device).expect("a sky");
+    let sky = EnvironmentParamsConfig::new(4, 8).with_radiance([0.7; 3]);
+    let sky = sky.init(&device).expect("a sky");
     // A texel that the camera sees: the third row, the middle column.
-    check(sky, &[("logs", (8 + 4) * 3)], |sky| {
+    check(sky, &[("log_radiance", (8 + 4) * 3)], |sky| {
         let black = Scene::new().with_object(diffuse(wall(), [0.0; 3]));
         seen(&black.with_environment(sky.environment()), &ahead())
     });

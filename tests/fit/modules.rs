@@ -66,16 +66,24 @@ fn values_come_back() {
     let plain = MaterialParams::from_material(&Material::diffuse([0.4; 3]), &device);
     assert_eq!(plain.expect("a material").num_params(), 6);
 
+    let compensated = |m: &Material| match &m.bsdf {
+        Bsdf::MetallicRoughness { compensated, .. }
+        | Bsdf::Conductor { compensated, .. }
+        | Bsdf::Dielectric { compensated, .. } => *compensated,
+        other => panic!("{other:?}"),
+    };
     let round = |m: Material| {
         let back = MaterialParams::from_material(&m, &device).expect("a material");
         assert_eq!(model(&back.material()), model(&m));
+        assert_eq!(compensated(&back.material()), compensated(&m));
         back.material()
     };
     let number = |texture: &ScalarTexture| match texture {
         ScalarTexture::Constant(p) => p.values().expect("values"),
         ScalarTexture::Texture { .. } => panic!("a texture"),
     };
-    let metal = round(Material::metallic_roughness([0.7, 0.5, 0.2], 0.8, 0.4));
+    let metal = Material::metallic_roughness([0.7, 0.5, 0.2], 0.8, 0.4);
+    let metal = round(metal.with_compensated(false));
     near(&color(base(&metal)), &[0.7, 0.5, 0.2]);
     near(&number(metallic(&metal)), &[0.8]);
     near(&number(roughness(&metal)), &[0.4]);
@@ -93,20 +101,24 @@ fn values_come_back() {
     near(&eta.values().expect("eta"), &[0.14, 0.37, 1.44]);
     near(&extinction.values().expect("k"), &[3.98, 2.39, 1.6]);
     near(&number(roughness(&gold)), &[0.3]);
-    let glass = round(Material::dielectric(1.5, 0.2));
-    let Bsdf::Dielectric { ior, .. } = &glass.bsdf else {
+    let glass = round(Material::dielectric(1.5, 0.2).with_tint([0.9, 0.5, 0.2]));
+    let Bsdf::Dielectric { tint, ior, .. } = &glass.bsdf else {
         panic!("{glass:?}");
     };
+    near(&color(tint), &[0.9, 0.5, 0.2]);
     near(&number(ior), &[1.5]);
     near(&number(roughness(&glass)), &[0.2]);
 
     let image = Tensor::<3>::from_data([[[0.1, 0.5, 0.9], [0.25, 0.75, 0.6]]], &device);
-    let texture = TextureParams::from_image(image.clone()).expect("a texture");
+    let texture = TextureParams::from_image(&image, &device).expect("a texture");
     near(&values(&texture.texels()), &values(&image));
-    let sky = EnvironmentParams::from_map(image.clone() * 20.0).expect("a sky");
+    let sky = EnvironmentParams::from_map(&(image.clone() * 20.0), &device).expect("a sky");
     near(&values(&sky.texels()), &values(&(image.clone() * 20.0)));
-    let error = message(TextureParams::from_image(image * 20.0));
+    let error = message(TextureParams::from_image(&(image * 20.0), &device));
     says(error, ["expected a number in [0, 1]"]);
+    let normals = Tensor::<3>::from_data([[[0.6, 0.0, 0.8], [0.0, -0.6, 0.8]]], &device);
+    let map = NormalMapParams::from_map(&normals, &device).expect("a map");
+    near(&values(&map.texels()), &values(&normals));
 }
 
 /// A quarter turn about z, by every way to give it, in both forms.
@@ -119,7 +131,9 @@ fn turns_come_back() {
         let new = || {
             RigidTransformConfig::new()
                 .with_rotation(form)
+                .with_translation([0.0, 0.0, 5.0])
                 .init(&device)
+                .expect("a pose")
         };
         let poses = [
             new().with_axis_angle([0.0, 0.0, 3.0], quarter),
@@ -127,23 +141,21 @@ fn turns_come_back() {
             new().with_matrix(rows),
         ];
         for pose in poses {
-            let pose = pose
-                .and_then(|p| p.with_translation([0.0, 0.0, 5.0]))
-                .expect("a pose");
+            let pose = pose.expect("a pose");
             let point = Tensor::<2>::from_data([[1.0, 2.0, 3.0]], &device);
             near(&values(&pose.transform().apply(point)), &[-2.0, 1.0, 8.0]);
         }
     }
     // About x first, then about y: z goes to −y and stays there.
-    let turned = RigidTransform::new(&device)
+    let still = RigidTransformConfig::new().init(&device).expect("a pose");
+    let turned = still
+        .clone()
         .with_euler([quarter, quarter, 0.0])
         .expect("a pose");
     let z = Tensor::<2>::from_data([[0.0, 0.0, 1.0]], &device);
     near(&values(&turned.transform().apply(z)), &[0.0, -1.0, 0.0]);
     let mirror = [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    assert!(RigidTransform::new(&device).with_matrix(mirror).is_err());
-    let error = message(RigidTransform::new(&device).with_scale(2.0));
-    says(error, ["made with a scale"]);
+    assert!(still.with_matrix(mirror).is_err());
 }
 
 /// Offsets, constants and attributes go with the module: to another device, and into training.
@@ -153,7 +165,8 @@ fn constants_go_with_the_module() {
     let ball = shapes::icosahedron(&plain);
     let normals = ball.vertices.clone();
     let uvs = normals.clone().narrow(1, 0, 2);
-    let params = MeshOffsets::from_mesh(&ball.with_uvs(uvs).with_normals(normals));
+    let params = MeshOffsets::from_mesh(&ball.with_uvs(uvs).with_normals(normals), &plain);
+    let params = params.expect("a mesh");
     assert!(!params.mesh().vertices.is_tracked());
     let training = params.train();
     assert!(training.mesh().vertices.is_tracked());
@@ -165,7 +178,8 @@ fn constants_go_with_the_module() {
         mesh.normals.expect("normals").values.device(),
     ];
     assert!(devices.iter().all(|d| *d == there), "{devices:?}");
-    let debug = format!("{:?}", MeshParams::from_mesh(&shapes::icosphere(3, &plain)));
+    let fine = MeshParams::from_mesh(&shapes::icosphere(3, &plain), &plain);
+    let debug = format!("{:?}", fine.expect("a mesh"));
     assert!(debug.contains("[642, 3]") && debug.len() < 4000, "{debug}");
 }
 
@@ -189,12 +203,17 @@ fn world(device: &Device) -> World {
         .with_specular(Some([0.2; 3]))
         .with_emission(Some([0.3; 3]))
         .init(device);
+    let mesh = MeshParams::from_mesh(&shapes::icosahedron(device), device);
+    let pose = RigidTransformConfig::new()
+        .with_scale(Some(1.0))
+        .init(device);
+    let texture = TextureParamsConfig::new(2, 2).init(device);
     let renderer = Renderer::new(RenderOptions::new(12, 12).with_samples(4).with_bounces(0));
     World {
-        mesh: MeshParams::from_mesh(&shapes::icosahedron(device)),
-        pose: RigidTransformConfig::new().with_scale(true).init(device),
+        mesh: mesh.expect("a mesh"),
+        pose: pose.expect("a pose"),
         camera: camera.expect("a camera").freeze_lens(),
-        texture: TextureParams::gray(2, 2, device),
+        texture: texture.expect("a texture"),
         surface: surface.expect("a material"),
         renderer: renderer.expect("a renderer"),
         loss: RenderLossConfig::new().with_l1(0.1).init().expect("a loss"),
@@ -203,8 +222,8 @@ fn world(device: &Device) -> World {
 
 impl World {
     fn scene(&self) -> Scene {
-        let ball = self.pose.apply(self.mesh.mesh());
-        let texture = Material::diffuse(self.texture.albedo(Wrap::Clamp));
+        let ball = self.pose.forward(self.mesh.mesh());
+        let texture = Material::diffuse(self.texture.texture(Wrap::Clamp));
         let floor = Object::new(floor(2.0, -1.2, &Device::flex())).with_material(texture);
         let ball = Object::new(ball).with_material(self.surface.material());
         Scene::new()
@@ -216,11 +235,9 @@ impl World {
     fn forward(&self, target: &Tensor<3>, seed: u64) -> softray::Result<Tensor<1>> {
         let [a, b] = self
             .renderer
-            .pair(&self.scene(), &self.camera.camera(), seed)?;
-        let loss = self
-            .loss
-            .forward_unbiased(a.radiance, b.radiance, target.clone());
-        Ok(loss)
+            .forward_pair(&self.scene(), &self.camera.camera(), seed)?;
+        self.loss
+            .forward_unbiased(a.radiance, b.radiance, target.clone())
     }
 }
 
@@ -279,11 +296,13 @@ fn large_steps_stay_in_range() {
     for sign in [1.0, -1.0] {
         // One step of Adam is the rate long in every component; signs differ between neighbors.
         let mut optimizer = burn::optim::AdamConfig::new().init();
+        let sky = EnvironmentParamsConfig::new(2, 4).init(&device);
+        let sky = sky.expect("a sky");
         let mut moved = (
             world(&device).camera.unfreeze(),
             world(&device).surface,
             world(&device).texture,
-            EnvironmentParams::uniform(2, 4, 1.0, &device).expect("a sky"),
+            sky,
             world(&device).pose,
         );
         for _ in 0..2 {
@@ -333,7 +352,7 @@ fn large_steps_stay_in_range() {
         }
         let texels = values(&texture.texels());
         assert!(texels.iter().all(|t| (0.0..=1.0).contains(t)));
-        let ball = pose.apply(shapes::icosahedron(&Device::flex()));
+        let ball = pose.forward(shapes::icosahedron(&Device::flex()));
         assert!(values(&ball.vertices).iter().all(|v| v.is_finite()));
         let wall = shapes::icosphere(1, &Device::flex());
         let scene = Scene::new().with_object(Object::new(wall).with_material(material));

@@ -248,7 +248,7 @@ fn rendered(folder: &Path) -> Fitted<Point> {
         .run(|p: &Point, step: &_| {
             let see = |k| render(&scene(p.at.val()), &camera, &step.options(&options, k));
             let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-            Ok(Evaluation::new(loss::mse_unbiased(a, b, target.clone())))
+            Ok(Evaluation::new(loss::mse_unbiased(a, b, target.clone())?))
         })
         .expect("a fit")
 }

@@ -237,11 +237,12 @@ fn the_square_of_noise_biases_a_loss() {
     for seed in 0..200 {
         let p = leaf();
         let loss = softray::loss::mse(image(p.clone(), 2, 2 * seed), target.clone());
-        let gradients = loss.backward();
+        let gradients = loss.expect("a loss").backward();
         plain.push(gradient(&p, &gradients)[0]);
         let p = leaf();
         let [a, b] = [0, 1].map(|i| image(p.clone(), 2, 2 * seed + i));
-        let gradients = softray::loss::mse_unbiased(a, b, target.clone()).backward();
+        let loss = softray::loss::mse_unbiased(a, b, target.clone());
+        let gradients = loss.expect("a loss").backward();
         unbiased.push(gradient(&p, &gradients)[0]);
     }
     let (plain, error) = mean_and_error(&plain);

@@ -229,12 +229,7 @@ fn room() -> Scene {
     let wall = Material::metallic_roughness([0.8, 0.7, 0.2], 0.75, worn).with_compensated(false);
     let screen = ColorTexture::texture(texels([2, 3, 3], |i| (i * 7 % 5) as f32));
     let screen = Material::metallic_roughness([0.1; 3], 0.0, 0.4).with_emission(screen);
-    let glass = Material::new(Bsdf::Dielectric {
-        tint: [0.5, 0.9, 1.0].into(),
-        ior: 1.45.into(),
-        roughness: 0.2.into(),
-        compensated: true,
-    });
+    let glass = Material::dielectric(1.45, 0.2).with_tint([0.5, 0.9, 1.0]);
     let gold = Material::conductor([0.2, 0.4, 1.4], [3.9, 2.4, 1.6], 0.3);
     let put =
         |mesh: Mesh, material: Material| Object::new(mesh.with_uvs(uvs())).with_material(material);

@@ -5,7 +5,6 @@ use std::fmt::Debug;
 use crate::common;
 use crate::common::told::{ball, camera, flex, lit, row, small};
 use burn::tensor::Tensor;
-use softray::modules::{CameraParamsConfig, MeshParams, RigidTransform, TextureParams};
 use softray::prelude::*;
 
 fn leaf<const D: usize>(t: Tensor<D>) -> Tensor<D> {
@@ -107,16 +106,18 @@ fn images_show_no_pixels() {
 fn modules_show_their_parameters() {
     let device = flex().autodiff();
     same(
-        &MeshParams::from_mesh(&shapes::icosphere(3, &device)),
+        &MeshParams::from_mesh(&shapes::icosphere(3, &device), &device).expect("a mesh"),
         "MeshParams { vertices: [642, 3] on flex in the graph }",
     );
     same(
-        &RigidTransform::new(&flex()),
+        &RigidTransformConfig::new().init(&flex()).expect("a pose"),
         "RigidTransform { rotation: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0], translation: [0.0, 0.0, 0.0] }",
     );
     same(
-        &TextureParams::gray(8, 16, &device),
-        "TextureParams { logits: [8, 16, 3] on flex in the graph }",
+        &TextureParamsConfig::new(8, 16)
+            .init(&device)
+            .expect("a texture"),
+        "TextureParams { logit_texels: [8, 16, 3] on flex in the graph }",
     );
     let camera = CameraParamsConfig::new([0.0, 0.0, 4.0], [0.0; 3]);
     let camera = camera.init(&device).expect("a camera").freeze_eye();

@@ -59,7 +59,7 @@ impl Pose {
                     };
                     let see = |seed| render(&scene, &file.camera, &options.clone().with_seed(seed));
                     let [a, b] = seeds.map(see);
-                    Ok(loss::mse_unbiased(a?.radiance, b?.radiance, target.clone()))
+                    loss::mse_unbiased(a?.radiance, b?.radiance, target.clone())
                 },
                 |place| {
                     let offset = place.offset.val().into_data();

@@ -74,7 +74,7 @@ impl Surface {
                 Param::from_tensor(Tensor::<1>::from_floats(v.as_slice(), &device))
             };
             let parts = Parts {
-                texture: TextureParams::gray(height, width, &device),
+                texture: TextureParamsConfig::new(height, width).init(&device)?,
                 shininess: leaf(&[exponent(self.alpha[1])]),
                 radiance: leaf(&self.radiance[1]),
             };

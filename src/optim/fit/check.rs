@@ -1,7 +1,7 @@
 //! Checks of a fit before its first step, and of the loss and the gradients of a step.
 
 use burn::module::{Module, ModuleVisitor, Param, ParamId};
-use burn::optim::{GradientsParams, ModuleOptimizer};
+use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
 
 use super::Fit;
@@ -9,7 +9,6 @@ use super::Fit;
 use crate::device::label;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
-use crate::optim::schedule::Blur;
 
 fn invalid(field: impl Into<String>, value: impl ToString, expected: &str) -> Error {
     Error::invalid("fit", field, value, expected)
@@ -32,39 +31,12 @@ impl<M: Module> Fit<M> {
         self.rates.iter().try_for_each(|(_, rate)| rate.check())?;
         check_parameters(&self.module)
     }
-
-    /// Returns the settings that must match a checkpoint's settings to resume from it.
-    pub(super) fn settings(&self) -> Result<String> {
-        let Self {
-            seed,
-            rate,
-            blur,
-            clip,
-            optimizer,
-            ..
-        } = self;
-        let parameters = parameters(&self.module, &GradientsParams::new())?;
-        let own_rate = |p: &Found| {
-            let mut own = self.rates.iter().rev();
-            let (_, rate) = own.find(|(group, _)| group.matches(&p.id, Some(&p.path)))?;
-            Some(format!("{} {rate}", p.path))
-        };
-        let rates: Vec<String> = parameters.iter().filter_map(own_rate).collect();
-        let rates = rates.join(", ");
-        let blur = blur.as_ref().map_or("none".into(), Blur::to_string);
-        let clip = clip.map_or("none".into(), |norm| norm.to_string());
-        let optimizer = fingerprint(optimizer);
-        Ok(format!(
-            "seed {seed}\nrate {rate}\ngroups' rates {rates}\nblur {blur}\nclip {clip}\n\
-             optimizer (steps of a test) {optimizer}\n"
-        ))
-    }
 }
 
 /// A parameter of a module.
-struct Found {
-    id: ParamId,
-    path: String,
+pub(super) struct Found {
+    pub id: ParamId,
+    pub path: String,
     /// The device, if it does not record gradients.
     plain: Option<Device>,
     frozen: bool,
@@ -110,7 +82,15 @@ impl ModuleVisitor for Parameters<'_> {
     }
 }
 
-fn parameters<M: Module>(module: &M, gradients: &GradientsParams) -> Result<Vec<Found>> {
+impl Found {
+    /// Whether the fit may change it.
+    pub fn is_trained(&self) -> bool {
+        self.plain.is_none() && !self.frozen
+    }
+}
+
+/// Returns the parameters of a module, and the squares of their gradients.
+pub(super) fn parameters<M: Module>(module: &M, gradients: &GradientsParams) -> Result<Vec<Found>> {
     let mut visitor = Parameters {
         gradients,
         path: Vec::new(),
@@ -123,7 +103,7 @@ fn parameters<M: Module>(module: &M, gradients: &GradientsParams) -> Result<Vec<
 /// Checks that a module has a parameter that records gradients.
 fn check_parameters<M: Module>(module: &M) -> Result<()> {
     let found = parameters(module, &GradientsParams::new())?;
-    if found.iter().any(|p| p.plain.is_none() && !p.frozen) {
+    if found.iter().any(Found::is_trained) {
         return Ok(());
     }
     let plain = found.iter().find_map(|p| Some((p, p.plain.as_ref()?)));
@@ -225,31 +205,4 @@ pub(super) fn no_gradient<M: Module>(module: &M, loss: &Tensor<1>) -> Error {
 
 pub(super) fn not_finite(what: &str, value: f64, step: usize) -> Error {
     invalid(format!("{what} of step {step}"), value, "a finite number")
-}
-
-/// Returns a fingerprint of an optimizer, which has no name: the values of a parameter after three of its
-/// steps.
-fn fingerprint(optimizer: &ModuleOptimizer) -> String {
-    #[derive(Module, Debug)]
-    struct Probe {
-        x: Param<Tensor<2>>,
-    }
-    let device = Device::default();
-    let mut optimizer = optimizer.clone();
-    let start = Tensor::<2>::from_floats([[0.3, -2.0], [1.0, 0.1]], &device.clone().autodiff());
-    let mut probe = Probe {
-        x: Param::from_tensor(start),
-    };
-    for slope in [
-        [[0.5f32, -1.0], [2.0, 0.1]],
-        [[-0.2, 3.0], [0.1, 0.4]],
-        [[0.7; 2]; 2],
-    ] {
-        let mut gradients = GradientsParams::new();
-        gradients.register(probe.x.id, Tensor::<2>::from_floats(slope, &device));
-        probe = optimizer.step(0.1, probe, gradients);
-    }
-    let values = host_values(&probe.x.val()).unwrap_or_default();
-    let values: Vec<String> = values.iter().map(|v| format!("{v:.4}")).collect();
-    values.join(" ")
 }

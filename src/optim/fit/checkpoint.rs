@@ -6,6 +6,7 @@ use burn::module::Module;
 use burn::optim::ModuleOptimizer;
 use burn::store::RecordError;
 
+use super::settings::check_settings;
 use super::{History, Warning};
 use crate::error::{Error, Result};
 use crate::io::write_whole;
@@ -79,7 +80,8 @@ impl Checkpoints {
         for (steps, folder) in self.all()?.into_iter().rev() {
             match Checkpoint::read(steps, &folder) {
                 Ok(checkpoint) => {
-                    checkpoint.check(settings)?;
+                    let folder = checkpoint.folder.display().to_string();
+                    check_settings(&folder, &checkpoint.settings, settings)?;
                     return Ok(Some(checkpoint));
                 }
                 Err(error) => {
@@ -183,24 +185,6 @@ impl Checkpoint {
             settings: read(SETTINGS)?,
             history,
         })
-    }
-
-    /// Checks that the checkpoint has the same settings; each line is a name and a value.
-    fn check(&self, settings: &str) -> Result<()> {
-        let pairs = self.settings.lines().zip(settings.lines());
-        let differ: Vec<String> = pairs
-            .filter(|(found, expected)| found != expected)
-            .map(|(found, expected)| format!("{found:?} there, {expected:?} now"))
-            .collect();
-        if differ.is_empty() && self.settings == settings {
-            return Ok(());
-        }
-        Err(Error::invalid(
-            "fit",
-            format!("settings of the checkpoint {}", self.folder.display()),
-            format!("those of another fit ({})", differ.join(", ")),
-            "the same settings; take them, another folder, or Fit::with_restart",
-        ))
     }
 
     /// Loads the parameters into a module and the state into an optimizer.

@@ -8,6 +8,7 @@ mod pictures;
 mod progress;
 mod rate;
 mod run;
+mod settings;
 mod step;
 
 use std::path::{Path, PathBuf};
@@ -57,7 +58,7 @@ type Callback<M> = Box<dyn FnMut(&Report<M>) -> Result<bool>>;
 ///     .run(|module: &Offset, step: &_| {
 ///         let see = |k| render(&scene(module.x.val()), &camera, &step.options(&options, k));
 ///         let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-///         Ok(Evaluation::new(loss::mse_unbiased(a, b, target.clone())))
+///         Ok(Evaluation::new(loss::mse_unbiased(a, b, target.clone())?))
 ///     })?;
 /// assert!(fitted.module.x.val().into_scalar::<f32>().abs() < 0.05);
 /// # Ok::<(), softray::Error>(())
@@ -110,7 +111,8 @@ impl<M: Module> Fit<M> {
     }
 
     /// Sets the learning rate of a group of parameters, which replaces [`Fit::with_rate`] for these. If a parameter is in
-    /// several groups, the last one counts. [`History`] records the rate of [`Fit::with_rate`].
+    /// several groups, the last one counts. A group without parameters is a warning ([`Warning::EmptyGroup`]).
+    /// [`History`] records the rate of [`Fit::with_rate`].
     ///
     /// Groups can have their own optimizers, too: see burn's `ModuleOptimizer::with_group`. This fit moves vertices by
     /// [`LargeSteps`](super::LargeSteps) and colors by Adam:
@@ -185,7 +187,8 @@ impl<M: Module> Fit<M> {
 
     /// Writes `history.csv`, `history.png` and checkpoints to a folder, and resumes from the newest complete
     /// checkpoint in it. [`Fit::run`] returns an error if the checkpoint has other settings, another process is
-    /// fitting in the folder, or all checkpoints are damaged. Settings of optimizers of groups are not compared.
+    /// fitting in the folder, or all checkpoints are damaged. Settings of optimizers, also those of groups, are
+    /// compared by a few steps that they take with each parameter that is not frozen.
     ///
     /// With a larger number of steps, a finished fit continues where it ended. A [`Rate`] depends on the share of the
     /// steps that are done, so a falling rate rises again first. A blur schedule must be the same.
@@ -245,7 +248,7 @@ impl<M: Module> Fit<M> {
     ///     .with_pictures("out/pictures", 20)
     ///     .run(|module: &Color, step: &_| {
     ///         let image = see(module, step)?;
-    ///         let loss = softray::loss::l1(image.clone(), target.clone());
+    ///         let loss = softray::loss::l1(image.clone(), target.clone())?;
     ///         Ok(Evaluation::new(loss)
     ///             .with_image("render", image)
     ///             .with_target("render", target.clone()))

@@ -72,6 +72,9 @@ impl<M: Module> Run<M> {
         let settings = fit.folder.as_ref().map(|_| fit.settings());
         let settings = settings.transpose()?.unwrap_or_default();
         let mut progress = Progress::new(fit.progress, fit.steps);
+        fit.empty_groups()?
+            .into_iter()
+            .for_each(|warning| progress.warn(warning));
         let mut warn = |warning| progress.warn(warning);
         let restart = fit.restart;
         let mut open = |folder: &Path| Checkpoints::open(folder, restart, &mut warn);

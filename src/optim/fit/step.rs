@@ -178,6 +178,14 @@ pub enum Warning {
         /// The number of steps whose mean loss was compared with the mean over as many steps before.
         window: usize,
     },
+    /// A group of [`Fit::with_rate_of`](super::Fit::with_rate_of) contains no parameter of the module, so its rate has
+    /// no effect.
+    EmptyGroup {
+        /// The group.
+        group: String,
+        /// The paths of the module's parameters.
+        parameters: Vec<String>,
+    },
     /// A checkpoint could not be read, and the one before it was used.
     DamagedCheckpoint(String),
     /// The file system does not support locks, so another process could fit in the same folder.
@@ -197,6 +205,11 @@ impl fmt::Display for Warning {
                 f,
                 "at step {step} the loss has not fallen for {window} steps; it may have converged, or \
                  be in a local minimum that a wider blur would leave"
+            ),
+            Self::EmptyGroup { group, parameters } => write!(
+                f,
+                "the rate of {group} has no effect, since none of the module's parameters is in this group: {}",
+                parameters.join(", ")
             ),
             Self::DamagedCheckpoint(error) => write!(
                 f,

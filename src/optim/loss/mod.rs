@@ -2,6 +2,9 @@
 //!
 //! Images are `[H, W, C]` in linear radiance. Silhouettes are `[H, W]` of opacities from 0 to 1. Point clouds
 //! are `[N, 3]` in scene units. A target may be on a device without autodiff.
+//!
+//! All losses return a [`Result`]: tensors whose shapes or float types differ, that are empty, or settings out of
+//! their range are errors.
 
 mod points;
 mod pyramid;
@@ -10,7 +13,10 @@ mod structure;
 
 use burn::tensor::Tensor;
 
+use crate::error::{Error, Result};
+
 pub use points::{chamfer, f_score};
+pub(crate) use pyramid::check_levels;
 pub use pyramid::{multi_scale, multi_scale_unbiased, pyramid};
 pub use silhouette::{iou, silhouette_iou};
 pub use structure::{dssim, ssim};
@@ -20,12 +26,12 @@ pub use structure::{dssim, ssim};
 /// For one noisy render its expectation is too large by the variance of the noise, and its gradient is biased
 /// by the gradient of that variance. [`mse_unbiased`] has no such bias.
 ///
-/// # Panics
-/// If the shapes differ.
-pub fn mse<const D: usize>(image: Tensor<D>, target: Tensor<D>) -> Tensor<1> {
-    same_shape(&image, &target);
+/// # Errors
+/// If the shapes or the float types differ, or an axis has length 0.
+pub fn mse<const D: usize>(image: Tensor<D>, target: Tensor<D>) -> Result<Tensor<1>> {
+    check_pair("mse", &image, &target)?;
     let difference = image - target;
-    (difference.clone() * difference).mean()
+    Ok((difference.clone() * difference).mean())
 }
 
 /// Mean of (a − target)·(b − target) for two renders with independent seeds: [`mse`] without bias by noise. The shapes
@@ -34,12 +40,16 @@ pub fn mse<const D: usize>(image: Tensor<D>, target: Tensor<D>) -> Tensor<1> {
 /// Its expectation is [`mse`] of the *converged* image, and its gradient is unbiased too, because the noise of
 /// the two renders is independent. The value may be negative.
 ///
-/// # Panics
-/// If the shapes differ.
-pub fn mse_unbiased<const D: usize>(a: Tensor<D>, b: Tensor<D>, target: Tensor<D>) -> Tensor<1> {
-    same_shape(&a, &target);
-    same_shape(&b, &target);
-    ((a - target.clone()) * (b - target)).mean()
+/// # Errors
+/// Like [`mse`].
+pub fn mse_unbiased<const D: usize>(
+    a: Tensor<D>,
+    b: Tensor<D>,
+    target: Tensor<D>,
+) -> Result<Tensor<1>> {
+    check_pair("mse_unbiased", &a, &target)?;
+    check_pair("mse_unbiased", &b, &target)?;
+    Ok(((a - target.clone()) * (b - target)).mean())
 }
 
 /// Mean absolute difference of tensors of any equal shapes, such as `[H, W, C]` or `[B, H, W, C]`.
@@ -47,17 +57,14 @@ pub fn mse_unbiased<const D: usize>(a: Tensor<D>, b: Tensor<D>, target: Tensor<D
 /// Outliers have less weight than in [`mse`]. The gradient is 0 where values are equal. Where the noise is
 /// wider than the difference, the loss is too large; two renders do not correct this bias.
 ///
-/// # Panics
-/// If the shapes differ.
-pub fn l1<const D: usize>(image: Tensor<D>, target: Tensor<D>) -> Tensor<1> {
-    same_shape(&image, &target);
-    (image - target).abs().mean()
+/// # Errors
+/// Like [`mse`].
+pub fn l1<const D: usize>(image: Tensor<D>, target: Tensor<D>) -> Result<Tensor<1>> {
+    check_pair("l1", &image, &target)?;
+    Ok((image - target).abs().mean())
 }
 
-/// Returns images `[…, H, W, C]` as `[B, H, W, C]`.
-///
-/// # Panics
-/// If there are fewer than three axes.
+/// Returns images `[…, H, W, C]` as `[B, H, W, C]`. Fewer than three axes do not compile.
 fn batch<const D: usize>(images: Tensor<D>) -> Tensor<4> {
     const { assert!(D >= 3, "images have the axes […, H, W, C]") };
     let dims = images.dims();
@@ -66,11 +73,26 @@ fn batch<const D: usize>(images: Tensor<D>) -> Tensor<4> {
     images.reshape([count, h, w, c])
 }
 
-/// Checked here because burn would broadcast an axis of length 1.
-fn same_shape<const D: usize>(image: &Tensor<D>, target: &Tensor<D>) {
-    let (found, expected) = (image.dims(), target.dims());
-    assert!(
-        found == expected,
-        "loss: image and target differ in shape: {found:?}, expected {expected:?}"
-    );
+/// Checks that two tensors have the same shape and float type, and that no axis has length 0. burn would broadcast
+/// an axis of length 1, and return NaN as the mean of nothing.
+pub(crate) fn check_pair<const D: usize>(
+    loss: &str,
+    image: &Tensor<D>,
+    target: &Tensor<D>,
+) -> Result<()> {
+    check_size(loss, image)?;
+    let [found, expected] = [image, target].map(|t| format!("{:?}", t.dims()));
+    let like = format!("{expected} like the target");
+    Error::unless(found == expected, loss, "shape", found, &like)?;
+    let [found, expected] = [image, target].map(|t| format!("{:?}", t.dtype()));
+    let like = format!("{expected} like the target");
+    Error::unless(found == expected, loss, "dtype", found, &like)
+}
+
+/// Checks that a tensor is not empty.
+fn check_size<const D: usize>(loss: &str, image: &Tensor<D>) -> Result<()> {
+    let dims = image.dims();
+    let expected = "at least 1 along every axis";
+    let found = format!("{dims:?}");
+    Error::unless(!dims.contains(&0), loss, "shape", found, expected)
 }

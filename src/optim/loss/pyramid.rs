@@ -2,14 +2,31 @@
 
 use burn::tensor::Tensor;
 
-use super::{batch, mse_unbiased, same_shape};
+use super::{batch, check_pair, check_size, mse_unbiased};
+use crate::error::{Error, Result};
 
 /// Returns the image `[…, H, W, C]` and its successive halves, `[…, ⌈H/2⌉, ⌈W/2⌉, C]` and so on.
 ///
-/// It returns at most `levels` images (0 counts as 1), and fewer if a level reaches a single pixel. A pixel is
-/// the mean of the 2 × 2 pixels of the previous level. If a size is odd, the last row or column counts twice, so
-/// its pixels are means of existing pixels.
-pub fn pyramid<const D: usize>(image: Tensor<D>, levels: usize) -> Vec<Tensor<D>> {
+/// It returns at most `levels` images, and fewer if a level reaches a single pixel. A pixel is the mean of the
+/// 2 × 2 pixels of the previous level. If a size is odd, the last row or column counts twice, so its pixels are
+/// means of existing pixels.
+///
+/// # Errors
+/// If `levels` is 0, or an axis has length 0.
+pub fn pyramid<const D: usize>(image: Tensor<D>, levels: usize) -> Result<Vec<Tensor<D>>> {
+    check_size("pyramid", &image)?;
+    check_levels("pyramid", levels)?;
+    Ok(halves(image, levels))
+}
+
+/// Checks the number of levels of a pyramid.
+pub(crate) fn check_levels(object: &str, levels: usize) -> Result<()> {
+    Error::unless(levels > 0, object, "levels", levels, "at least 1")
+}
+
+/// Returns the levels of a [`pyramid`].
+fn halves<const D: usize>(image: Tensor<D>, levels: usize) -> Vec<Tensor<D>> {
+    const { assert!(D >= 3, "images have the axes […, H, W, C]") };
     let mut images = vec![image];
     while let Some(last) = images.last()
         && images.len() < levels
@@ -33,21 +50,27 @@ pub fn pyramid<const D: usize>(image: Tensor<D>, levels: usize) -> Vec<Tensor<D>
 ///     let row: [f32; 16] = std::array::from_fn(|i| f32::from(u8::from(i == x)));
 ///     Tensor::<1>::from_floats(row, &device).reshape([1, 16, 1])
 /// };
-/// let at = |x: usize| loss::multi_scale(spot(x), spot(8), 5, loss::mse).into_scalar::<f32>();
-/// assert!(at(15) > at(11) && at(11) > at(9) && at(9) > at(8));
+/// let mut before = f32::INFINITY;
+/// for x in [15, 11, 9, 8] {
+///     let loss = loss::multi_scale(spot(x), spot(8), 5, loss::mse)?.into_scalar::<f32>();
+///     assert!(loss < before);
+///     before = loss;
+/// }
+/// # Ok::<(), softray::Error>(())
 /// ```
 ///
-/// # Panics
-/// If the shapes differ.
+/// # Errors
+/// If the shapes or the float types differ, an axis has length 0, or `levels` is 0; and those of the loss.
 pub fn multi_scale<const D: usize>(
     image: Tensor<D>,
     target: Tensor<D>,
     levels: usize,
-    loss: impl Fn(Tensor<D>, Tensor<D>) -> Tensor<1>,
-) -> Tensor<1> {
-    same_shape(&image, &target);
-    let targets = pyramid(target, levels);
-    let images = pyramid(image, levels);
+    loss: impl Fn(Tensor<D>, Tensor<D>) -> Result<Tensor<1>>,
+) -> Result<Tensor<1>> {
+    check_pair("multi_scale", &image, &target)?;
+    check_levels("multi_scale", levels)?;
+    let targets = halves(target, levels);
+    let images = halves(image, levels);
     mean(images.into_iter().zip(targets).map(|(i, t)| loss(i, t)))
 }
 
@@ -56,24 +79,25 @@ pub fn multi_scale<const D: usize>(
 ///
 /// The halves are linear in the image, so noise biases no level.
 ///
-/// # Panics
-/// If the shapes differ.
+/// # Errors
+/// If the shapes or the float types differ, an axis has length 0, or `levels` is 0.
 pub fn multi_scale_unbiased<const D: usize>(
     a: Tensor<D>,
     b: Tensor<D>,
     target: Tensor<D>,
     levels: usize,
-) -> Tensor<1> {
-    same_shape(&a, &target);
-    same_shape(&b, &target);
-    let pairs = pyramid(a, levels).into_iter().zip(pyramid(b, levels));
-    let targets = pyramid(target, levels);
+) -> Result<Tensor<1>> {
+    check_pair("multi_scale_unbiased", &a, &target)?;
+    check_pair("multi_scale_unbiased", &b, &target)?;
+    check_levels("multi_scale_unbiased", levels)?;
+    let pairs = halves(a, levels).into_iter().zip(halves(b, levels));
+    let targets = halves(target, levels);
     mean(pairs.zip(targets).map(|((a, b), t)| mse_unbiased(a, b, t)))
 }
 
 /// The mean of scalars.
-fn mean(losses: impl Iterator<Item = Tensor<1>>) -> Tensor<1> {
-    Tensor::cat(losses.collect(), 0).mean()
+fn mean(losses: impl Iterator<Item = Result<Tensor<1>>>) -> Result<Tensor<1>> {
+    Ok(Tensor::cat(losses.collect::<Result<_>>()?, 0).mean())
 }
 
 /// `[…, ⌈H/2⌉, ⌈W/2⌉, C]` of `[…, H, W, C]`.

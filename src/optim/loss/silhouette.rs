@@ -2,7 +2,7 @@
 
 use burn::tensor::Tensor;
 
-use super::same_shape;
+use super::check_pair;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
 
@@ -17,32 +17,27 @@ const LEAST_UNION: f64 = 1e-3;
 /// empty, the loss is 0 and its gradient is finite. While the silhouettes do not overlap, the gradient is 0
 /// outside of the target; combine the loss with a wide blur or with another loss.
 ///
-/// # Panics
-/// If the shapes differ.
-pub fn silhouette_iou<const D: usize>(opacity: Tensor<D>, target: Tensor<D>) -> Tensor<1> {
+/// # Errors
+/// If the shapes or the float types differ, or an axis has length 0.
+pub fn silhouette_iou<const D: usize>(opacity: Tensor<D>, target: Tensor<D>) -> Result<Tensor<1>> {
     const { assert!(D >= 2, "opacities have the axes […, H, W]") };
-    same_shape(&opacity, &target);
+    check_pair("silhouette_iou", &opacity, &target)?;
     let dims = opacity.dims();
     let pixels = dims[D - 2] * dims[D - 1];
     let count = dims[..D - 2].iter().product::<usize>();
     let sums = |t: Tensor<D>| t.reshape([count, pixels]).sum_dim(1);
     let both = sums(opacity.clone() * target.clone());
     let union = sums(opacity + target) - both.clone();
-    ((union.clone() - both) / union.clamp_min(LEAST_UNION)).mean()
+    Ok(((union.clone() - both) / union.clamp_min(LEAST_UNION)).mean())
 }
 
 /// Returns the intersection over union of the pixels whose opacity is above a threshold, computed on the host.
 /// It is 1 if both sets of pixels are equal, including both empty.
 ///
 /// # Errors
-/// If the shapes differ, the threshold is NaN, or a tensor cannot be read.
+/// Like [`silhouette_iou`], or if the threshold is NaN, or a tensor cannot be read.
 pub fn iou(opacity: &Tensor<2>, target: &Tensor<2>, threshold: f64) -> Result<f64> {
-    let (found, expected) = (opacity.dims(), target.dims());
-    let (shape, like) = (
-        format!("{found:?}"),
-        format!("{expected:?} like the target"),
-    );
-    Error::unless(found == expected, "opacity", "shape", shape, &like)?;
+    check_pair("iou", opacity, target)?;
     Error::unless(
         !threshold.is_nan(),
         "iou",

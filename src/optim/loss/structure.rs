@@ -2,7 +2,8 @@
 
 use burn::tensor::Tensor;
 
-use super::{batch, same_shape};
+use super::{batch, check_pair};
+use crate::error::{Error, Result};
 
 /// The side of a window, pixels.
 const WINDOW: usize = 11;
@@ -27,15 +28,12 @@ const K2: f64 = 0.03;
 /// Reduce radiance far above `range` first: variances are differences of means of squares, and f32 has no
 /// digits left for them. Noise lowers the similarity; two renders do not correct this bias.
 ///
-/// # Panics
-/// If the shapes differ, or `range` is not a finite number > 0.
-pub fn ssim<const D: usize>(image: Tensor<D>, target: Tensor<D>, range: f64) -> Tensor<1> {
-    same_shape(&image, &target);
+/// # Errors
+/// If the shapes or the float types differ, an axis has length 0, or `range` is not a finite number > 0.
+pub fn ssim<const D: usize>(image: Tensor<D>, target: Tensor<D>, range: f64) -> Result<Tensor<1>> {
+    check_pair("ssim", &image, &target)?;
+    Error::unless_positive("ssim", "range", range)?;
     let (image, target) = (batch(image), batch(target));
-    assert!(
-        range.is_finite() && range > 0.0,
-        "ssim: range is {range}, expected a finite number > 0"
-    );
     let [c1, c2] = [K1, K2].map(|k| (k * range).powi(2));
     let square = |t: &Tensor<4>| t.clone() * t.clone();
     let (mean_x, mean_y) = (blurred(image.clone()), blurred(target.clone()));
@@ -47,15 +45,15 @@ pub fn ssim<const D: usize>(image: Tensor<D>, target: Tensor<D>, range: f64) -> 
     let covariance = blurred(image * target) - product.clone();
     let above = (product * 2.0 + c1) * (covariance * 2.0 + c2);
     let below = (squares + c1) * (variances + c2);
-    (above / below).mean()
+    Ok((above / below).mean())
 }
 
 /// Structural dissimilarity (1 − [`ssim`])/2: a loss from 0, for equal images, to 1.
 ///
-/// # Panics
+/// # Errors
 /// Like [`ssim`].
-pub fn dssim<const D: usize>(image: Tensor<D>, target: Tensor<D>, range: f64) -> Tensor<1> {
-    (ssim(image, target, range) - 1.0) * -0.5
+pub fn dssim<const D: usize>(image: Tensor<D>, target: Tensor<D>, range: f64) -> Result<Tensor<1>> {
+    Ok((ssim(image, target, range)? - 1.0) * -0.5)
 }
 
 /// Returns weighted means over the windows of `[B, H, W, C]`: `[B, H − h + 1, W − w + 1, C]` for windows of h × w.
