@@ -1,6 +1,7 @@
 //! Parameters of modules in safetensors files.
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::Path;
 
 use burn::module::{Module, ModuleVisitor, Param};
@@ -12,6 +13,7 @@ use burn::store::{
 use burn::tensor::{DType, Tensor};
 
 use crate::error::{Error, Result};
+use crate::io::write_whole;
 
 /// Writes the parameters of a module to a safetensors file.
 ///
@@ -35,8 +37,13 @@ use crate::error::{Error, Result};
 /// If a parameter cannot be read back from its device, or the file cannot be written.
 pub fn save_safetensors<M: Module>(module: &M, path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
-    let mut store = SafetensorsStore::from_file(path).overwrite(true);
-    module.save_into(&mut store).map_err(|e| failed(path, e))
+    // burn's writer of files makes them readable by their owner alone.
+    let mut store = SafetensorsStore::from_bytes(None);
+    let saved = module
+        .save_into(&mut store)
+        .and_then(|()| store.get_bytes());
+    let bytes = saved.map_err(|e| failed(path, e))?;
+    write_whole(path, |file| file.write_all(&bytes).map_err(Error::io(path)))
 }
 
 /// Loads the parameters of a safetensors file into a module, on its device and in its float types. Trained
