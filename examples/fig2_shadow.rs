@@ -62,7 +62,7 @@ impl Problem for Shadow {
         let scene = self.scene(caster.offset.val())?;
         let at = numbers(&caster.offset.val());
         // Blurs the shadow, not the view.
-        let angle = step.blur.unwrap_or(0.0);
+        let angle = step.blur().unwrap_or(0.0);
         let visibility = Visibility::Cone { angle, pixels: 0.5 };
         let evaluation = self.goal.compare(&scene, step, Some(visibility), 8)?;
         Ok(evaluation

@@ -122,6 +122,19 @@ impl Error {
         }
     }
 
+    /// Adds the place that names the file of the error, if it is one of a file.
+    pub(crate) fn named_by(mut self, place: &str) -> Self {
+        match &mut self {
+            Self::Io { source, .. } => {
+                let kind = source.kind();
+                *source = std::io::Error::new(kind, format!("{source} (named by {place})"));
+            }
+            Self::Format { message, .. } => *message += &format!(" (named by {place})"),
+            _ => {}
+        }
+        self
+    }
+
     /// Returns an [`Error::Read`] with burn's error. This is not a `From` impl, since with a second one the compiler
     /// can't infer the error type of closures that use `?`.
     pub(crate) fn read(source: impl Into<TensorReadError>) -> Self {

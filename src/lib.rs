@@ -8,6 +8,9 @@
 //! their autodiff graph, so that `backward()` gives gradients to geometry, materials, lights,
 //! camera, lens and motion.
 //!
+//! Likely mistakes that are not errors, such as a camera that sees nothing, are warnings. They go to the `log` crate. If a
+//! program has installed no logger, they are also printed to the standard error, each once ([`show_warnings`]).
+//!
 //! ```
 //! use softray::prelude::*;
 //!
@@ -76,11 +79,13 @@ mod sampling;
 pub mod scene;
 mod tensors;
 mod trace;
+mod warnings;
 
 /// The burn that this crate is built with, so that a program's tensors are of the same one.
 pub use burn;
 pub use error::{Error, Result};
 pub use optim::loss;
+pub use warnings::show_warnings;
 
 /// The names that most programs need.
 pub mod prelude {

@@ -10,6 +10,7 @@ use super::textures::Textures;
 use crate::error::Result;
 use crate::geometry::host_values;
 use crate::scene::{AlphaMask, ColorTexture, Material, NormalMap, ScalarTexture, Wrap};
+use crate::warnings::warning;
 
 /// The channels of an image of metal and roughness.
 const ROUGHNESS: usize = 1;
@@ -257,14 +258,14 @@ pub(super) fn untextured(mut material: Material, object: &str) -> Material {
     let lost = material.take_means();
     if material.normal_map.take().is_some() | material.alpha_mask.take().is_some() {
         let name = &material.name;
-        log::warn!(
+        warning!(
             "{object}: material {name} has a normal map or an alpha mask, but the mesh has no coordinates: \
              leaving it out"
         );
     }
     if lost {
         let name = &material.name;
-        log::warn!(
+        warning!(
             "{object}: material {name} has a texture, but the mesh has no coordinates: taking its mean"
         );
     }

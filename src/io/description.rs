@@ -179,7 +179,11 @@ pub(super) struct TextureUse {
 
 /// An image that is decoded at its first use.
 pub(super) enum ImageSource {
-    File(PathBuf),
+    File {
+        path: PathBuf,
+        /// The place in a file that names it, for messages.
+        named_by: String,
+    },
     Bytes {
         /// The name of the image in messages.
         name: PathBuf,

@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::geometry::host_values;
 use crate::model::texture::Texture;
 use crate::scene::Wrap;
+use crate::warnings::warning;
 
 /// A texture on the host.
 pub(super) struct Texels {
@@ -50,7 +51,7 @@ impl Texels {
         if ([ah, aw], first.wrap) == ([bh, bw], second.wrap) {
             return [first, second];
         }
-        log::warn!(
+        warning!(
             "{place}: two of its textures of other sizes or wraps are written as one image, the smaller one \
              interpolated"
         );

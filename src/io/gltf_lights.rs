@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use crate::error::Result;
 use crate::scene::{Light, LightKind};
+use crate::warnings::warning;
 
 /// Returns the JSON of a light and of the node that places it. The caller adds the light's index to the node.
 pub(super) fn light(light: &Light, name: &str, path: &Path) -> Result<[Value; 2]> {
@@ -25,7 +26,7 @@ pub(super) fn light(light: &Light, name: &str, path: &Path) -> Result<[Value; 2]
         kind => {
             if kind != LightKind::Point {
                 let file = path.display();
-                log::warn!("{file}: {name} is written as a point, since glTF has no {kind:?}");
+                warning!("{file}: {name} is written as a point, since glTF has no {kind:?}");
             }
             json!({"type": "point"})
         }
@@ -39,7 +40,7 @@ pub(super) fn light(light: &Light, name: &str, path: &Path) -> Result<[Value; 2]
     let strength = host.strength;
     if strength.iter().any(|&v| v < 0.0) {
         let file = path.display();
-        log::warn!("{file}: {name} has {strength:?}, of which no less than 0 is written");
+        warning!("{file}: {name} has {strength:?}, of which no less than 0 is written");
     }
     let most = scale_above(strength.into_iter());
     json["name"] = json!(name);

@@ -14,6 +14,7 @@ use crate::geometry::host_values;
 use crate::scene::{
     AlphaMask, Bsdf, BsdfKind, ColorTexture, Material, NormalMap, Parameter, ScalarTexture, Wrap,
 };
+use crate::warnings::warning;
 
 /// The lists of a file that its materials are in.
 pub(super) struct Materials<'a> {
@@ -100,7 +101,7 @@ impl<'a> Materials<'a> {
     }
 
     fn warn(&self, place: &str, message: impl Display) {
-        log::warn!("{}: {place} {message}", self.path.display());
+        warning!("{}: {place} {message}", self.path.display());
     }
 
     fn extend(&mut self, json: &mut Value, name: &'static str, extension: Value) {

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use burn::tensor::Device;
 use serde::de::DeserializeOwned;
@@ -166,22 +166,50 @@ impl LoadLimits {
         if self.outside {
             return Ok(());
         }
-        // Missing files are reported when they are read. An empty folder is the current one.
-        let (Ok(file), Ok(folder)) = (file.canonicalize(), folder.join(".").canonicalize()) else {
+        // An empty folder is the current one. Missing files are reported when they are read.
+        let Ok(real) = folder.join(".").canonicalize() else {
             return Ok(());
         };
-        if file.starts_with(&folder) {
-            return Ok(());
-        }
-        Err(Error::format(
-            file,
-            format!(
-                "it is named by {named_by} but lies outside of {}: it is read only with \
-                 LoadLimits::with_outside(true)",
-                folder.display()
-            ),
-        ))
+        let place = match self.may_look_at(file, folder) {
+            true => match file.canonicalize() {
+                Ok(place) if !place.starts_with(&real) => place,
+                _ => return Ok(()),
+            },
+            false => file.into(),
+        };
+        let folder = real.display();
+        let message = format!(
+            "it is named by {named_by} but lies outside of {folder}: it is read only with \
+             LoadLimits::with_outside(true)"
+        );
+        Err(Error::format(place, message))
     }
+
+    /// Returns whether a path names a file in a folder or below it, or files outside are allowed. Only then may the file
+    /// system be asked about it: a look at other paths may connect to another machine (`\\machine\share`), mount a
+    /// file system or open a device.
+    pub(super) fn may_look_at(&self, file: &Path, folder: &Path) -> bool {
+        let lies_in = |folder: Option<PathBuf>| {
+            let (file, folder) = (absolute(file), folder.as_deref().and_then(absolute));
+            file.zip(folder)
+                .is_some_and(|(f, folder)| f.starts_with(folder))
+        };
+        let folder = folder.join(".");
+        self.outside || lies_in(Some(folder.clone())) || lies_in(folder.canonicalize().ok())
+    }
+}
+
+/// Returns an absolute path without `.` and `..`, judged by names alone.
+fn absolute(path: &Path) -> Option<PathBuf> {
+    let mut plain = PathBuf::new();
+    for part in std::path::absolute(path).ok()?.components() {
+        match part {
+            Component::CurDir => {}
+            Component::ParentDir => drop(plain.pop()),
+            part => plain.push(part),
+        }
+    }
+    Some(plain)
 }
 
 /// Opens a regular file, and returns it with its length in bytes.

@@ -10,6 +10,7 @@ use super::HostImage;
 use super::whole::Part;
 use crate::error::Result;
 use crate::scene::{ColorTexture, Material, Parameter, Wrap};
+use crate::warnings::warning;
 
 /// Characters of a material's name in a file's name.
 const NAME_IN_FILE: usize = 48;
@@ -118,7 +119,7 @@ impl<'a> Library<'a> {
             ColorTexture::Texture { texels, wrap } => (HostImage::from_tensor(texels)?, *wrap),
         };
         if wrap == Wrap::Mirror {
-            log::warn!(
+            warning!(
                 "{object}: MTL has no mirrored textures, {field} is written as one that repeats"
             );
         }
@@ -180,7 +181,7 @@ fn warn_of_range(object: &str, diffuse: &Described, specular: &Described) {
     let (d, s) = (diffuse.values, specular.values);
     let outside = |i: usize| d[i] < 0.0 || s[i] < 0.0 || d[i] + s[i] > 1.0 + 1e-6;
     if (0..3).any(outside) {
-        log::warn!(
+        warning!(
             "{object}: diffuse is {d:?} and specular {s:?}; they are written, but can't be rendered \
              as constants, which are ≥ 0 with a sum of at most 1"
         );

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use super::LoadLimits;
 use crate::error::{Error, Result};
+use crate::warnings::warning;
 
 /// The most names that [`Notes::add`] lists in a warning.
 const MOST: usize = 5;
@@ -52,7 +53,7 @@ impl Notes {
                 more => format!(" and {more} more"),
             };
             let names: Vec<&str> = names.iter().map(String::as_str).collect();
-            log::warn!("{}: {sentence}: {}{more}", path.display(), names.join(", "));
+            warning!("{}: {sentence}: {}{more}", path.display(), names.join(", "));
         }
     }
 }

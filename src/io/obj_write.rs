@@ -10,6 +10,7 @@ use super::whole::{Part, write_whole};
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
 use crate::scene::{CornerAttribute, Mesh, Scene};
+use crate::warnings::warning;
 
 /// Writes a mesh.
 pub(super) fn mesh(mesh: &Mesh, path: &Path) -> Result<()> {
@@ -36,7 +37,7 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
         ));
     }
     if !names.renamed.is_empty() {
-        log::warn!("objects of {}: {}", path.display(), names.told());
+        warning!("objects of {}: {}", path.display(), names.told());
     }
     let materials = library.file_name();
     let mut parts = library.write()?;

@@ -10,6 +10,7 @@ use super::srgb::{srgb_byte, srgb_table};
 use super::whole::write_whole;
 use crate::error::{Error, Result};
 use crate::scene::{ColorTexture, Material, Mesh, Scene};
+use crate::warnings::warning;
 
 /// Writes a mesh.
 pub(super) fn mesh(mesh: &Mesh, path: &Path) -> Result<()> {
@@ -37,7 +38,7 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
     }
     if lost {
         let file = path.display();
-        log::warn!("{file}: textures, gloss and emission are not written, PLY has none");
+        warning!("{file}: textures, gloss and emission are not written, PLY has none");
     }
     let plain = color(&Material::default())?;
     let painted = |(part, color): &(Split, Option<[f64; 3]>)| {

@@ -10,7 +10,8 @@ use super::HostImage;
 use super::images::{format_of, sides};
 use super::whole::write_whole;
 use crate::error::{Error, Result};
-use crate::render::Image;
+use crate::render::{Image, Program};
+use crate::warnings::warning;
 
 /// The gray of pixels without a surface in depth pictures. No depth has this color.
 const BACKGROUND: [u8; 3] = [128; 3];
@@ -35,7 +36,13 @@ impl Image {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         format_of(path)?;
-        HostImage::from_tensor(&self.radiance)?.write(path)
+        let image = HostImage::from_tensor(&self.radiance)?;
+        // Kernels on the host know this when they render.
+        let is_black = || image.pixels.iter().all(|&v| v == 0.0);
+        if self.statistics.program != Program::HostKernels && is_black() {
+            warning!("{}: the image is black", path.display());
+        }
+        image.write(path)
     }
 
     /// Writes the depth.

@@ -12,6 +12,7 @@ use super::whole::ending;
 use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result, one_of};
 use crate::scene::{Camera, Environment, Light, Scene};
+use crate::warnings::warning;
 
 /// A scene with a camera and an image size, loaded from a file.
 ///
@@ -253,7 +254,7 @@ impl SceneFile {
         let unknown = document.unknown();
         if !unknown.is_empty() {
             let (file, list) = (path.display(), unknown.join(", "));
-            log::warn!("{file}: these fields are not known: {list}");
+            warning!("{file}: these fields are not known: {list}");
         }
         let camera = document.camera;
         for (field, size) in [("width", camera.width), ("height", camera.height)] {
@@ -263,14 +264,19 @@ impl SceneFile {
             }
         }
         let file = limits.beside(path, &document.scene)?;
-        let (mut scene, _) = load(&file, device, limits)?;
+        let named_by = path.display().to_string();
+        let (mut scene, _) = load(&file, device, limits).map_err(|e| match &e {
+            Error::Io { path, .. } if *path == file => e.named_by(&named_by),
+            _ => e,
+        })?;
         if let Some(value) = document.environment {
             let constant = serde_json::from_value::<[f64; 3]>(value.clone()).ok();
             scene = match (value.as_str(), constant) {
                 (Some(file), _) => {
                     let file = limits.beside(path, file)?;
-                    let map = HostImage::read_within(file, limits)?.into_tensor(device);
-                    scene.with_environment(Environment::map(map))
+                    let map = HostImage::read_within(file, limits);
+                    let map = map.map_err(|e| e.named_by(&named_by))?;
+                    scene.with_environment(Environment::map(map.into_tensor(device)))
                 }
                 (None, Some(radiance)) => scene.with_environment(radiance),
                 (None, None) => {

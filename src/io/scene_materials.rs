@@ -42,7 +42,8 @@ fn ones() -> [f64; 3] {
 impl Place<'_> {
     /// Resolves the file of an image and decodes it with `read`.
     fn image<T>(&self, name: &str, read: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
-        read(&self.limits.beside(self.path, name)?)
+        let path = self.limits.beside(self.path, name)?;
+        read(&path).map_err(|e| e.named_by(&self.path.display().to_string()))
     }
 
     fn wrong<T>(&self, field: &str, value: &Value, expected: &str) -> Result<T> {

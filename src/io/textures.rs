@@ -125,10 +125,12 @@ impl<'a> Textures<'a> {
     fn size(&mut self, image: usize) -> Result<[usize; 2]> {
         let source = &self.description.images[image];
         let size = match source {
-            ImageSource::File(path) => {
-                let (file, bytes) = open(path)?;
-                self.memory.read = self.memory.read.saturating_add(bytes);
-                Decoded::read_size(BufReader::new(file), path)
+            ImageSource::File { path, named_by } => {
+                let read = open(path).and_then(|(file, bytes)| {
+                    self.memory.read = self.memory.read.saturating_add(bytes);
+                    Decoded::read_size(BufReader::new(file), path)
+                });
+                read.map_err(|e| e.named_by(named_by))
             }
             ImageSource::Bytes { name, bytes } => Decoded::read_size(Cursor::new(bytes), name),
         }?;
@@ -228,7 +230,10 @@ impl<'a> Textures<'a> {
 
     fn read(&self, image: usize) -> Result<Decoded> {
         match &self.description.images[image] {
-            ImageSource::File(path) => Decoded::of_file(path, self.place.limits),
+            ImageSource::File { path, named_by } => {
+                let decoded = Decoded::of_file(path, self.place.limits);
+                decoded.map_err(|e| e.named_by(named_by))
+            }
             ImageSource::Bytes { name, bytes } => {
                 Decoded::read(Cursor::new(bytes), name, self.place.limits)
             }
@@ -239,7 +244,7 @@ impl<'a> Textures<'a> {
 /// Returns the name of an image in messages.
 fn name(source: &ImageSource) -> &Path {
     match source {
-        ImageSource::File(path) => path,
+        ImageSource::File { path, .. } => path,
         ImageSource::Bytes { name, .. } => name,
     }
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::{gltf_write, obj_write, ply_write, whole::ending};
 use crate::error::{Error, Result};
 use crate::scene::{BsdfKind, Material, Mesh, Scene, check_scene};
+use crate::warnings::warning;
 
 /// The endings of files that are written.
 const WRITTEN: [&str; 4] = ["obj", "gltf", "glb", "ply"];
@@ -96,7 +97,7 @@ impl Scene {
     fn warn_of_old_formats(&self, path: &Path) {
         let file = path.display();
         if !self.lights.is_empty() {
-            log::warn!("{file}: lights without a surface are not written, only glTF has them");
+            warning!("{file}: lights without a surface are not written, only glTF has them");
         }
         let lost = |m: &Material| {
             [
@@ -114,7 +115,7 @@ impl Scene {
                 let lost: Vec<&str> = lost.map(|(part, _)| part).collect();
                 if !lost.is_empty() {
                     let (name, material, lost) = (&object.name, &material.name, lost.join(", "));
-                    log::warn!(
+                    warning!(
                         "{file}: {name}, material {material} is written without what only glTF has: {lost}"
                     );
                 }
@@ -126,17 +127,17 @@ impl Scene {
     fn warn_of_losses(&self, path: &Path) -> Result<()> {
         let file = path.display();
         if self.environment.shines() {
-            log::warn!("{file}: the scene's environment is not written, such files have none");
+            warning!("{file}: the scene's environment is not written, such files have none");
         }
         for object in &self.objects {
             let name = &object.name;
             if object.mesh.faces.is_empty() {
-                log::warn!("{file}: {name} has no faces and is not written");
+                warning!("{file}: {name} has no faces and is not written");
             }
             if let Some(velocity) = &object.velocity {
                 let velocity = velocity.values()?;
                 if velocity != [0.0; 3] {
-                    log::warn!(
+                    warning!(
                         "{file}: the velocity {velocity:?} of {name} is not written, such files have no \
                          motion; the object is where it is at the shutter's start"
                     );
@@ -151,6 +152,6 @@ impl Scene {
 fn warn_of_colors(mesh: &Mesh, name: &str, path: &Path) {
     if mesh.colors.is_some() {
         let file = path.display();
-        log::warn!("{file}: the colors of {name} are not written to OBJ");
+        warning!("{file}: the colors of {name} are not written to OBJ");
     }
 }

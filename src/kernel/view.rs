@@ -12,6 +12,7 @@ use crate::model::integers::Wide;
 use crate::sampling::{EmitterGroup, EmitterLists, Sampler, points};
 use crate::scene::ParameterId;
 use crate::trace::{Features, NONE, OF_CONES, OF_PATHS, PURPOSES, Scene, emitters_of};
+use crate::warnings::warning;
 
 /// A scene as a camera sees it, with the settings of a render.
 pub(crate) struct View {
@@ -221,7 +222,7 @@ impl View {
         let seen = !self.scene.emitters.lights().is_empty() && (self.wanted.shifts() || turns);
         if self.cone == 0.0 && seen {
             ONCE.call_once(|| {
-                log::warn!(
+                warning!(
                     "the shadows of point, spot and directional lights have hard edges without cones, and \
                      gradients leave out that these move: render with an angle (RenderOptions::with_visibility, \
                      Visibility::cone)"

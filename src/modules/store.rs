@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::path::Path;
 
 use burn::module::{Module, ModuleVisitor, Param};
@@ -14,6 +14,7 @@ use burn::store::{
 use burn::tensor::{DType, Tensor};
 
 use crate::error::{Error, Result};
+use crate::io::write_whole;
 
 /// The key of the metadata for the version of the parameters' names.
 const KEY: &str = "softray_format";
@@ -57,9 +58,13 @@ const LARGEST_HEADER: u64 = 100_000_000;
 /// If a parameter cannot be read back from its device, or the file cannot be written.
 pub fn save_safetensors<M: Module>(module: &M, path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
-    let store = SafetensorsStore::from_file(path).overwrite(true);
-    let mut store = store.metadata(KEY, FORMAT.to_string());
-    module.save_into(&mut store).map_err(|e| failed(path, e))
+    // burn's writer of files makes them readable by their owner alone.
+    let mut store = SafetensorsStore::from_bytes(None).metadata(KEY, FORMAT.to_string());
+    let saved = module
+        .save_into(&mut store)
+        .and_then(|()| store.get_bytes());
+    let bytes = saved.map_err(|e| failed(path, e))?;
+    write_whole(path, |file| file.write_all(&bytes).map_err(Error::io(path)))
 }
 
 /// Loads the parameters of a safetensors file into a module, on its device and in its float types. Trained

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::connectivity::Connectivity;
+use crate::warnings::warning;
 
 /// The relative residual |b − Ax|/|b| at which the solver stops.
 const TOLERANCE: f64 = 1e-10;
@@ -107,7 +108,7 @@ impl Diffusion {
                 direction[i] = z[i] + beta * direction[i];
             }
         }
-        log::warn!(
+        warning!(
             "large steps: conjugate gradients stopped after {most} iterations at a relative residual of \
              {relative:e}, expected {TOLERANCE:e}"
         );

@@ -11,6 +11,7 @@ use super::connectivity::Connectivity;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, host_values};
 use crate::scene::Mesh;
+use crate::warnings::warning;
 
 /// The object name in error messages.
 const OBJECT: &str = "large steps";
@@ -225,7 +226,7 @@ impl LargeSteps {
             Some(s) if s.moment_1.len() == n && s.moment_2.len() == n => s.clone(),
             Some(s) => {
                 let found = s.moment_1.len();
-                log::warn!("{OBJECT}: the record has {found} entries, expected {n}; starting anew");
+                warning!("{OBJECT}: the record has {found} entries, expected {n}; starting anew");
                 fresh
             }
             None => fresh,
@@ -274,7 +275,7 @@ impl Optimizer for LargeSteps {
                 (tensor - step, Some(next))
             }
             Err(error) => {
-                log::warn!("{OBJECT}: a step is left out: {error}");
+                warning!("{OBJECT}: a step is left out: {error}");
                 (tensor, state)
             }
         }

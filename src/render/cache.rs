@@ -16,6 +16,18 @@ use crate::scene::Constants;
 /// scenes, on the device and on the host. The next render uploads only changes. The memory is freed with the cache. A
 /// render uploads everything if lists change in size, if a graph still holds the last lists, after a failed render, on
 /// another device, and from another thread.
+///
+/// ```
+/// use softray::prelude::*;
+/// let (room, camera) = cornell_box(&Device::flex());
+/// let cache = HierarchyCache::new();
+/// let options = RenderOptions::new(8, 8).with_samples(1).with_cache(&cache);
+/// for seed in 0..3 {
+///     render(&room, &camera, &options.clone().with_seed(seed))?;
+/// }
+/// assert_eq!(cache.counts()[0], 1);
+/// # Ok::<(), softray::Error>(())
+/// ```
 #[derive(Clone, Default)]
 pub struct HierarchyCache {
     scenes: Arc<Mutex<Vec<LastScene>>>,
@@ -32,6 +44,11 @@ pub(super) struct LastScene {
 }
 
 impl HierarchyCache {
+    /// Creates an empty cache.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
     /// Returns how often a BVH was built and how often one was refitted, summed over all scenes.
     pub fn counts(&self) -> [u64; 2] {
         let scenes = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);

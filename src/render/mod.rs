@@ -7,6 +7,7 @@ mod checks;
 mod debug;
 mod film;
 mod kernel;
+mod mistakes;
 mod node;
 mod options;
 mod outputs;
@@ -152,6 +153,7 @@ fn render_views(
     };
     let all = size[0] as u128 * size[1] as u128 * batch.views.len() as u128;
     options.check_memory(all)?;
+    mistakes::warn_of_settings(batch, options);
     let is_softmax = options.visibility.is_softmax();
     let refracts = batch.scenes.iter().any(Scene::refracts);
     let glows = |s: &Scene| {

@@ -68,8 +68,20 @@ impl Bounds {
         Error::unless(self.radius() > least, "scene", "bounds", found, expected)
     }
 
+    /// Returns the corners of the box.
+    pub(crate) fn corners(&self) -> [[f64; 3]; 8] {
+        let side = |k: usize, i: usize| {
+            if k >> i & 1 == 0 {
+                self.min[i]
+            } else {
+                self.max[i]
+            }
+        };
+        std::array::from_fn(|k| std::array::from_fn(|i| side(k, i)))
+    }
+
     /// Returns the box moved by an offset.
-    fn moved(&self, offset: [f64; 3]) -> Self {
+    pub(crate) fn moved(&self, offset: [f64; 3]) -> Self {
         Self {
             min: std::array::from_fn(|i| self.min[i] + offset[i]),
             max: std::array::from_fn(|i| self.max[i] + offset[i]),

@@ -11,9 +11,10 @@ use super::light::HostLight;
 use super::material::MaterialKind;
 use super::texture::Value;
 use super::transfer::{Constants, Transfer};
-use super::{CornerAttribute, Holes, Parameter, Scene};
+use super::{Bounds, CornerAttribute, Holes, Parameter, Scene};
 use crate::error::Result;
 use crate::geometry::{Context, host_values};
+use crate::warnings::warning;
 
 /// A scene on the host.
 pub(crate) struct HostScene {
@@ -47,12 +48,23 @@ pub(crate) struct HostObject {
 }
 
 impl HostObject {
+    /// The bounding box over the shutter, or None without vertices.
+    pub fn bounds(&self) -> Option<Bounds> {
+        let bounds = Bounds::of_points(self.positions.iter().copied())?;
+        let moved = self.velocity.map(|v| bounds.union(&bounds.moved(v)));
+        Some(moved.unwrap_or(bounds))
+    }
+
+    /// The material of a face in the scene.
+    pub fn material_of(&self, face: usize) -> usize {
+        self.first_material + self.face_materials.get(face).copied().unwrap_or(0) as usize
+    }
+
     /// The material of each face in the scene, and its texture coordinates.
     fn masked_faces(&self) -> impl Iterator<Item = (usize, Option<[[f32; 2]; 3]>)> {
         (0..self.faces.len()).map(|f| {
-            let own = self.face_materials.get(f).copied().unwrap_or(0) as usize;
             let of_face = |uvs: &HostAttribute<2>| uvs.faces[f].map(|row| uvs.values[row as usize]);
-            (self.first_material + own, self.uvs.as_ref().map(of_face))
+            (self.material_of(f), self.uvs.as_ref().map(of_face))
         })
     }
 }
@@ -73,7 +85,7 @@ pub(crate) struct HostMaterial {
 
 impl HostMaterial {
     /// Whether its radiance is other than 0.
-    fn shines(&self) -> bool {
+    pub fn shines(&self) -> bool {
         self.channels[Channel::Emission.place()].shines()
     }
 }
@@ -150,12 +162,12 @@ impl HostScene {
             shines: scene.environment.shines(),
         };
         if !this.has_area() {
-            log::warn!(
+            warning!(
                 "none of the scene's triangles has an area, so that nothing of it is seen: are their corners at one \
                  place or in a line?"
             );
         } else if !this.has_light() {
-            log::warn!(
+            warning!(
                 "the scene has no light, so that its image is black: give it an environment \
                  (Scene::with_environment), a Light (Scene::with_light), or an object a Material::emitter"
             );
@@ -164,7 +176,7 @@ impl HostScene {
     }
 
     /// Whether any triangle has an area.
-    fn has_area(&self) -> bool {
+    pub fn has_area(&self) -> bool {
         self.objects.iter().any(|object| {
             let corner = |v: u32| DVec3::from(object.positions[v as usize]);
             let has_area = |face: &[u32; 3]| {

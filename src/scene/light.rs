@@ -5,6 +5,7 @@ use std::fmt;
 use burn::tensor::Tensor;
 
 use super::Parameter;
+use super::angles::warn_of_radians;
 use super::parameter::Range;
 use super::texture::Value;
 use crate::error::{Error, Result};
@@ -126,12 +127,15 @@ impl Light {
         inner: impl Into<Parameter<1>>,
         outer: impl Into<Parameter<1>>,
     ) -> Self {
+        let (inner, outer) = (inner.into(), outer.into());
+        warn_of_radians("the inner angle of a spot light", &inner);
+        warn_of_radians("the outer angle of a spot light", &outer);
         Self::Spot {
             position: position.into(),
             direction: direction.into(),
             intensity: intensity.into(),
-            inner: inner.into(),
-            outer: outer.into(),
+            inner,
+            outer,
         }
     }
 

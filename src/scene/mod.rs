@@ -1,5 +1,6 @@
 //! Descriptions of scenes by tensors: meshes, materials, transforms, objects, lights, environments and cameras.
 
+mod angles;
 mod bounds;
 mod bsdf;
 mod camera;
@@ -31,6 +32,7 @@ mod transform;
 mod viewpoint;
 mod wrap;
 
+pub(crate) use angles::warn_of_radians;
 pub use bounds::Bounds;
 pub use bsdf::Bsdf;
 pub(crate) use bsdf::{

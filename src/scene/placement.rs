@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use burn::tensor::Tensor;
 
+use super::angles::warn_of_radians;
 use super::parameter::{Range, conversions, without_tape};
 use super::transform::{Mistake, mirrors};
 use super::{Mesh, Parameter, Transform};
@@ -140,6 +141,7 @@ impl Mesh {
     /// ```
     pub fn rotated(self, axis: impl Into<Parameter<3>>, degrees: impl Into<Parameter<1>>) -> Self {
         let (axis, degrees) = (axis.into(), degrees.into());
+        warn_of_radians("the angle of a rotation", &degrees);
         match self.quaternion(&axis, &degrees) {
             Ok(quaternion) => self.transformed(&Transform::new().with_quaternion(quaternion)),
             Err(mistake) => self.mistaken(mistake),

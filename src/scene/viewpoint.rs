@@ -3,6 +3,7 @@
 use burn::tensor::{Tensor, TensorData};
 use glam::{DMat3, DMat4, DVec3};
 
+use super::angles::warn_of_radians;
 use super::parameter::{Range, conversions};
 use super::{Bounds, Camera, Parameter, Projection, Scene};
 use crate::error::{Error, Result};
@@ -197,6 +198,8 @@ impl Camera {
     ) -> Result<Self> {
         let (target, distance) = (target.into(), distance.into());
         let (azimuth, elevation) = (azimuth.into(), elevation.into());
+        warn_of_radians("the azimuth of a camera", &azimuth);
+        warn_of_radians("the elevation of a camera", &elevation);
         let center = target.check("camera", "target", Range::Finite)?;
         let [radius] = distance.check("camera", "distance", Range::Positive)?;
         let [turn] = azimuth.check("camera", "azimuth", Range::Finite)?;

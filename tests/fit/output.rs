@@ -121,6 +121,27 @@ fn flat(steps: usize, shown: bool) -> Fitted<Pair> {
         .expect("a fit")
 }
 
+/// A schedule for the blur that no render uses; a loss that reads it is right.
+#[test]
+fn a_blur_that_is_not_used_is_a_warning() {
+    let run = |f: fn(&Point, &Step) -> softray::Result<Evaluation>| {
+        let fit = fit(point(&tracked()), 3).with_blur(BlurSchedule::constant(1.0).expect("a blur"));
+        fit.run(f).expect("a fit").warnings
+    };
+    assert_eq!(run(bowl), [Warning::UnusedBlur]);
+    let by_options = |point: &Point, step: &Step| {
+        let options = step.options(&RenderOptions::new(4, 4), 0);
+        assert_eq!(options.blur, Some(1.0));
+        bowl(point, step)
+    };
+    assert_eq!(run(by_options), []);
+    let by_number = |point: &Point, step: &Step| {
+        assert_eq!(step.blur(), Some(1.0));
+        bowl(point, step)
+    };
+    assert_eq!(run(by_number), []);
+}
+
 #[test]
 fn warnings_are_returned() {
     let found = flat(90, false);
@@ -175,8 +196,13 @@ fn without_a_terminal_there_are_lines() {
         lines[3].starts_with("fit: step 50/50, loss 3.400e-1, "),
         "{text}"
     );
-    let silent = watch("no");
-    assert!(!silent.contains("fit: "), "{silent}");
+    // Warnings are there without progress, too.
+    let text = watch("no");
+    let lines: Vec<&str> = text.lines().collect();
+    assert!(
+        lines.len() == 2 && lines.iter().all(|l| l.contains("warning: fit: ")),
+        "{text}"
+    );
 }
 
 /// An image that a parameter makes, and a target.

@@ -200,7 +200,7 @@ fn lights_shine_along_their_nodes() {
     near(&of(intensity), &[12.0, 6.0, 3.0]);
     near(&of(direction), &[0.0, -1.0, 0.0]);
     near(&inner.values().expect("an angle"), &[0.0]);
-    near(&outer.values().expect("an angle"), &[0.5]);
+    near(&outer.values().expect("an angle"), &[0.5f64.to_degrees()]);
     near(&of(along), &[-1.0, 0.0, 0.0]);
     near(&of(irradiance), &[3.0; 3]);
 }

@@ -16,5 +16,7 @@ mod hostile_binary;
 mod mistakes_files;
 mod obj;
 mod pictures;
+mod places;
 mod ply;
 mod sums;
+mod warned;

@@ -54,7 +54,10 @@ pub(super) fn images(document: &Document) -> Result<Vec<ImageSource>> {
         let bytes = match (uri, json.get("bufferView")?) {
             (_, Some(view)) => document.view(view, &json.at("bufferView"))?,
             (Some(uri), None) => match document.target(uri, place)? {
-                Target::File(file) => return Ok(ImageSource::File(file)),
+                Target::File(path) => {
+                    let named_by = format!("{}, {place}.uri", document.path.display());
+                    return Ok(ImageSource::File { path, named_by });
+                }
                 Target::Data(data) => data.into(),
             },
             (None, None) => return Err(document.fail(place, "has neither uri nor bufferView")),

@@ -9,6 +9,7 @@ use crate::io::description::{Color, ImageSource, MaterialDescription, OwnBsdf, T
 use crate::io::limits::{LoadLimits, read_text};
 use crate::io::notes::Notes;
 use crate::scene::Wrap;
+use crate::warnings::warning;
 
 /// Entries that would change a render but are not read.
 const UNREAD: [&str; 20] = [
@@ -58,13 +59,16 @@ impl<'a> Library<'a> {
     /// Adds the files of an `mtllib` statement: one name that may have spaces, or several names. `from` is the place
     /// of the statement, for messages.
     pub fn add(&mut self, statement: &str, from: &str) -> Result<()> {
-        let whole = resolve(&[self.folder], statement);
-        let is_one = whole.is_file() || statement.split_whitespace().count() < 2;
+        let whole = self.resolve(&[self.folder], statement);
+        let is_there = self.limits.may_look_at(&whole, self.folder) && whole.is_file();
+        let is_one = is_there || statement.split_whitespace().count() < 2;
         let files = match is_one {
             true => vec![whole],
             false => {
                 let names = statement.split_whitespace();
-                names.map(|name| resolve(&[self.folder], name)).collect()
+                names
+                    .map(|name| self.resolve(&[self.folder], name))
+                    .collect()
             }
         };
         for file in files {
@@ -76,9 +80,7 @@ impl<'a> Library<'a> {
             match read_text(&file, self.limits) {
                 Ok(text) => self.parse(&file, &text)?,
                 Err(error) => {
-                    let message = format!("it can't be read (named by {from}): {error}");
-                    let error = Error::format(&file, message);
-                    self.notes.fault(error, self.limits)?;
+                    self.notes.fault(error.named_by(from), self.limits)?;
                 }
             }
         }
@@ -105,7 +107,7 @@ impl<'a> Library<'a> {
         }
         if !unread.is_empty() {
             let list = unread.join(", ");
-            log::warn!("{}: these entries are not read: {list}", path.display());
+            warning!("{}: these entries are not read: {list}", path.display());
         }
         let parsed = tobj::load_mtl_buf(&mut sound.as_bytes());
         let (materials, _) = parsed.map_err(|e| Error::format(path, format!("materials: {e}")))?;
@@ -184,11 +186,12 @@ impl<'a> Library<'a> {
             self.notes.add(sentence, from());
         }
         let own = file.parent().unwrap_or(self.folder);
-        let path = resolve(&[own, self.folder], name);
+        let path = self.resolve(&[own, self.folder], name);
         self.limits.check_place(&path, self.folder, &from())?;
         let next = self.images.len();
         let image = *self.files.entry(path).or_insert_with_key(|path| {
-            self.images.push(ImageSource::File(path.clone()));
+            let (path, named_by) = (path.clone(), from());
+            self.images.push(ImageSource::File { path, named_by });
             next
         });
         let wrap = match options.contains(&["-clamp", "on"]) {
@@ -196,6 +199,18 @@ impl<'a> Library<'a> {
             false => Wrap::Repeat,
         };
         Ok(TextureUse { image, wrap })
+    }
+
+    /// Returns the file in the first folder that has it, or its path in the first folder.
+    fn resolve(&self, folders: &[&Path], name: &str) -> PathBuf {
+        // Windows exporters write backslashes.
+        let slashed = name.replace('\\', "/");
+        let mut candidates = folders
+            .iter()
+            .flat_map(|f| [f.join(name), f.join(&slashed)]);
+        let first = candidates.clone().next().unwrap_or_else(|| name.into());
+        let is_there = |c: &PathBuf| self.limits.may_look_at(c, self.folder) && c.is_file();
+        candidates.find(is_there).unwrap_or(first)
     }
 }
 
@@ -253,17 +268,6 @@ pub(super) fn keyword(line: &str) -> (&str, &str) {
 pub(super) fn words(rest: &str) -> Vec<&str> {
     let words = rest.split_whitespace();
     words.take_while(|w| !w.starts_with('#')).collect()
-}
-
-/// Returns the file in the first folder that has it, or its path in the first folder.
-fn resolve(folders: &[&Path], name: &str) -> PathBuf {
-    // Windows exporters write backslashes.
-    let slashed = name.replace('\\', "/");
-    let mut candidates = folders
-        .iter()
-        .flat_map(|f| [f.join(name), f.join(&slashed)]);
-    let first = candidates.clone().next().unwrap_or_else(|| name.into());
-    candidates.find(|c| c.is_file()).unwrap_or(first)
 }
 
 /// Returns the file name of a texture statement such as `-s 2 2 1 -clamp on wood.png`, and the options with their

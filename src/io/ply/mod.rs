@@ -19,6 +19,7 @@ use super::polygon::Polygons;
 use super::srgb::srgb_to_linear;
 use crate::error::{Error, Result};
 use crate::scene::Wrap;
+use crate::warnings::warning;
 use header::{Element, Format, Header, Property};
 use values::Values;
 
@@ -107,7 +108,7 @@ impl Reader<'_> {
             return Ok(());
         }
         if element.name == "tristrips" {
-            log::warn!("{}: its element tristrips is not read", self.path.display());
+            warning!("{}: its element tristrips is not read", self.path.display());
         }
         let mut row = Row::of(element);
         (0..element.count).try_for_each(|i| self.row(element, i, &mut row))
@@ -223,10 +224,12 @@ impl Reader<'_> {
             && !mesh.uvs.faces.is_empty()
         {
             if !more.is_empty() {
-                log::warn!("{}: of its textures only {name} is read", path.display());
+                warning!("{}: of its textures only {name} is read", path.display());
             }
-            let file = self.limits.beside(path, name)?;
-            description.images.push(ImageSource::File(file));
+            description.images.push(ImageSource::File {
+                named_by: path.display().to_string(),
+                path: self.limits.beside(path, name)?,
+            });
             mesh.materials = vec![Some(0)];
             let texture = TextureUse {
                 image: 0,

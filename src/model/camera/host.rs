@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::{Camera as Model, Dual};
 use crate::error::Result;
 use crate::model::{Pair, V3};
-use crate::scene::{Camera, HostProjection, ParameterId, SceneFrame};
+use crate::scene::{Bounds, Camera, HostProjection, ParameterId, SceneFrame};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HostCamera {
@@ -64,6 +64,48 @@ impl HostCamera {
             scale: [sx, sy],
             shift: [tx, ty],
         }
+    }
+
+    /// Returns whether any point of some boxes may be in view of an image with the aspect ratio `aspect` (width over
+    /// height). Rays leave the image by at most `beyond`, in halves of its height. The result is false only if each
+    /// box lies on the outer side of one of the planes about the view.
+    pub fn may_see(&self, boxes: &[Bounds], aspect: f64, beyond: f64) -> bool {
+        let f = self.frame(1.0, aspect);
+        let half = [aspect + beyond, 1.0 + beyond];
+        let [aperture, focus] = self.lens.unwrap_or([0.0, 1.0]);
+        let parallel = self.projection.is_parallel();
+        // Distances behind the five planes.
+        let behind = |p: DVec3| -> [f64; 5] {
+            let offset = p - self.eye;
+            let z = offset.dot(f.forward);
+            let depth = if parallel { 1.0 } else { z };
+            let across: [[f64; 2]; 2] = std::array::from_fn(|i| {
+                let reach = f.scale[i] * half[i] * depth + aperture * (1.0 + z / focus);
+                let along = offset.dot([f.right, f.up][i]) - f.shift[i] * depth;
+                [along - reach, -along - reach]
+            });
+            let [[right, left], [top, bottom]] = across;
+            [-z, right, left, top, bottom]
+        };
+        let is_outside = |b: &Bounds| {
+            let all = b.corners().map(|corner| behind(corner.into()));
+            (0..5).any(|plane| all.iter().all(|distances| distances[plane] > 0.0))
+        };
+        !boxes.iter().all(is_outside)
+    }
+
+    /// Returns whether the camera is in front of a plane through a point.
+    pub fn is_before(&self, point: DVec3, normal: DVec3) -> bool {
+        let from = match self.projection.is_parallel() {
+            true => self.eye - self.target,
+            false => self.eye - point,
+        };
+        from.dot(normal) > 0.0
+    }
+
+    /// Returns the position of the eye and the point that it looks at.
+    pub fn line_of_sight(&self) -> [DVec3; 2] {
+        [self.eye, self.target]
     }
 
     /// Returns the camera of an image of `width` × `height` pixels, in internal units.

@@ -165,7 +165,8 @@ impl<M: Module> Fit<M> {
     }
 
     /// Sets the blur over the steps, which [`Step::options`] passes to
-    /// [`RenderOptions::with_blur`](crate::render::RenderOptions::with_blur).
+    /// [`RenderOptions::with_blur`](crate::render::RenderOptions::with_blur). If the first step calls neither
+    /// [`Step::options`] nor [`Step::blur`], there is a warning ([`Warning::UnusedBlur`]).
     pub fn with_blur(mut self, blur: impl Into<Blur>) -> Self {
         self.blur = Some(blur.into());
         self
@@ -215,8 +216,9 @@ impl<M: Module> Fit<M> {
     /// A terminal shows a bar. Otherwise the fit writes lines: one at the first step, at most one every ten
     /// seconds, and one at the last step. A line is
     /// `fit: step 40/200, loss 1.200e-3, blur 2.0e-2, 12 s, about 48 s left`.
-    /// Warnings appear there too, unless a logger shows them. To show the state of a fit differently, use
-    /// `progress(false)` and [`Fit::on_step`].
+    /// Warnings appear there too, with or without progress, if no logger is installed
+    /// ([`show_warnings`](crate::show_warnings)). To show the state of a fit differently, use `with_progress(false)` and
+    /// [`Fit::on_step`].
     pub fn with_progress(mut self, shown: bool) -> Self {
         self.progress = shown;
         self

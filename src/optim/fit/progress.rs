@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Stop, Warning};
+use crate::warnings::warning;
 
 /// The least time between lines.
 const PAUSE: Duration = Duration::from_secs(10);
@@ -109,17 +110,13 @@ impl Progress {
         }
     }
 
-    /// Stores and logs a warning. If progress is shown and no logger shows the warning, it is also written to
-    /// the standard error, above the bar.
+    /// Stores and logs a warning.
     pub fn warn(&mut self, warning: Warning) {
-        let text = format!("fit: {warning}");
-        let logged = log::log_enabled!(log::Level::Warn);
+        let log = || warning!("fit: {warning}");
         match &self.shown {
-            Shown::Bar(bar) if !logged => bar.println(format!("warning: {text}")),
-            Shown::Lines(_) if !logged => write_line(&format!("warning: {text}")),
-            // A logger may write to the same terminal.
-            Shown::Bar(bar) => bar.suspend(|| log::warn!("{text}")),
-            _ => log::warn!("{text}"),
+            // A line on the same terminal appears above the bar.
+            Shown::Bar(bar) => bar.suspend(log),
+            _ => log(),
         }
         self.warnings.push(warning);
     }

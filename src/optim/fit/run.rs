@@ -1,6 +1,8 @@
 //! The loop over the steps of a fit.
 
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use burn::module::Module;
@@ -128,8 +130,12 @@ impl<M: Module> Run<M> {
             blur: self.fit.blur.as_ref().map(|b| b.value(index)),
             pictured: pictures.is_some(),
             seed: self.fit.seed,
+            blurred: Arc::default(),
         };
         let mut evaluation = f(&self.fit.module, &step)?;
+        if first && step.blur.is_some() && !step.blurred.load(Ordering::Relaxed) {
+            self.progress.warn(Warning::UnusedBlur);
+        }
         evaluation.check()?;
         let loss = loss_of_step(&evaluation.loss, index)?;
         let mut gradients =

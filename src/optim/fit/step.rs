@@ -2,6 +2,8 @@
 
 use std::fmt;
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use burn::tensor::Tensor;
 
@@ -15,15 +17,23 @@ use crate::render::RenderOptions;
 pub struct Step {
     /// The step number, counted from 0.
     pub index: usize,
-    /// The blur, if the fit has a schedule for it; see [`RenderOptions::with_blur`].
-    pub blur: Option<f64>,
     /// Whether [`Fit::with_pictures`](super::Fit::with_pictures) writes a picture of this step. The loss must not depend
     /// on this field.
     pub pictured: bool,
     pub(super) seed: u64,
+    pub(super) blur: Option<f64>,
+    /// Whether the blur was read.
+    pub(super) blurred: Arc<AtomicBool>,
 }
 
 impl Step {
+    /// Returns the blur of this step, in degrees, if the fit has a schedule for it ([`RenderOptions::with_blur`]). Only
+    /// renders that do not use [`Step::options`] need it.
+    pub fn blur(&self) -> Option<f64> {
+        self.blurred.store(true, Ordering::Relaxed);
+        self.blur
+    }
+
     /// Returns the seed of the `render`-th render of this step. Different steps never share a seed, and neither
     /// do the first 1024 renders of a step.
     pub fn seed(&self, render: u64) -> u64 {
@@ -33,7 +43,7 @@ impl Step {
     /// Returns options with the blur of this step and the seed of its `render`-th render.
     pub fn options(&self, options: &RenderOptions, render: u64) -> RenderOptions {
         let options = options.clone().with_seed(self.seed(render));
-        match self.blur {
+        match self.blur() {
             Some(blur) => options.with_blur(blur),
             None => options,
         }
@@ -171,6 +181,9 @@ pub struct Fitted<M> {
 pub enum Warning {
     /// The loss does not depend on these parameters (their paths in the module), which stay unchanged.
     Unused(Vec<String>),
+    /// The fit has a schedule for the blur ([`Fit::with_blur`](super::Fit::with_blur)), but its first step did not use
+    /// it.
+    UnusedBlur,
     /// The loss has not fallen over many steps although the blur was constant.
     Plateau {
         /// The last step of the plateau.
@@ -200,6 +213,11 @@ impl fmt::Display for Warning {
                 "the loss does not depend on {}, which stay as they are: is what they are made from \
                  on a device with autodiff?",
                 parameters.join(", ")
+            ),
+            Self::UnusedBlur => write!(
+                f,
+                "Fit::with_blur has no effect, since the first step did not use the blur: render with \
+                 step.options(&options, 0) in place of the options"
             ),
             Self::Plateau { step, window } => write!(
                 f,

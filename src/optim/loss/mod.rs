@@ -1,7 +1,8 @@
 //! Differentiable losses between images and between point clouds. Losses are scalars `[1]`.
 //!
-//! Images are `[H, W, C]` in linear radiance. Silhouettes are `[H, W]` of opacities from 0 to 1. Point clouds
-//! are `[N, 3]` in scene units. A target may be on a device without autodiff.
+//! Images are `[…, H, W, C]` in linear radiance, with any number of leading axes, such as the views of a batch. Silhouettes
+//! are `[…, H, W]` of opacities from 0 to 1. Point clouds are `[N, 3]` in scene units. A target may be on a device without
+//! autodiff.
 //!
 //! All losses return a [`Result`]: tensors whose shapes or float types differ, that are empty, or settings out of
 //! their range are errors.

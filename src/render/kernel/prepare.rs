@@ -16,6 +16,7 @@ use crate::model::camera::HostCamera;
 use crate::model::filter::Filters;
 use crate::render::batch::{Batch, in_batch};
 use crate::render::cache::{HierarchyCache, LastScene};
+use crate::render::mistakes::warn_of_views;
 use crate::render::options::{RenderOptions, sampler};
 use crate::scene::{
     Camera, Collect, HostScene, Identity, ParameterId, Scene, Transfer, Visit, check_devices,
@@ -131,6 +132,9 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     let (mut hosts, cameras) = stage("read and check", || read(batch, &last))?;
     let context = hosts[0].context.clone();
     let lit = hosts.iter().all(HostScene::has_light);
+    if interior {
+        warn_of_views(batch, &hosts, &cameras, options);
+    }
     let last = last.scenes(hosts.len());
     let scenes = stage("lists and boxes", || pack(&mut hosts, &last, options));
 

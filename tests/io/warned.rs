@@ -1,0 +1,195 @@
+//! Warnings: where they are seen, and what is a reason for one.
+
+use std::process::Stdio;
+
+use crate::common::process::again;
+use crate::common::told::{ball, camera, flex, lit, small, warnings};
+use softray::prelude::*;
+
+/// What the process that is watched does.
+const WATCHED: &str = "SOFTRAY_WARNED";
+
+/// A black image twice, and more fields of view in radians than are printed.
+fn mistakes() {
+    let dark = Scene::new().with_object(ball());
+    for _ in 0..2 {
+        render(&dark, &camera(), &small()).expect("an image");
+    }
+    for i in 0..12 {
+        let narrow = camera().with_fov_y(1.0 + 0.1 * f64::from(i));
+        render(&lit(ball()), &narrow, &small()).expect("an image");
+    }
+}
+
+#[test]
+fn warnings_are_printed_without_a_logger() {
+    if let Some(how) = std::env::var_os(WATCHED) {
+        match how.to_str() {
+            Some("logged") => assert_eq!(warnings(mistakes).len(), 14),
+            Some("hidden") => {
+                softray::show_warnings(false);
+                mistakes();
+            }
+            _ => mistakes(),
+        }
+        return;
+    }
+    let watch = |how: &str, variable: &str| {
+        let output = again(warnings_are_printed_without_a_logger)
+            .env(WATCHED, how)
+            .env("SOFTRAY_WARNINGS", variable)
+            .stdout(Stdio::null())
+            .output()
+            .expect("a process");
+        let text = String::from_utf8(output.stderr).expect("text");
+        assert!(output.status.success(), "{text}");
+        text
+    };
+    let printed = watch("shown", "1");
+    let lines: Vec<&str> = printed.lines().collect();
+    let count = |part: &str| lines.iter().filter(|l| l.contains(part)).count();
+    assert_eq!(lines.len(), 10, "{printed}");
+    assert_eq!(count("softray: warning: "), 9, "{printed}");
+    assert_eq!(count("the scene has no light"), 1, "{printed}");
+    assert_eq!(count("field of view"), 8, "{printed}");
+    assert_eq!(count("more warnings of this kind"), 1, "{printed}");
+    for [how, variable] in [["shown", "0"], ["hidden", "1"], ["logged", "1"]] {
+        assert_eq!(watch(how, variable), "", "{how}, {variable}");
+    }
+}
+
+/// That a render has one warning with this part, or none for an empty part.
+fn expect(part: &str, (scene, camera, options): (&Scene, &Camera, &RenderOptions)) {
+    let told = warnings(|| render(scene, camera, options).expect("an image"));
+    let is_right = match part {
+        "" => told.is_empty(),
+        part => told.len() == 1 && told[0].contains(part),
+    };
+    assert!(is_right, "{part}: {told:?}");
+}
+
+#[test]
+fn cameras_that_see_nothing() {
+    let scene = lit(Object::new(shapes::cube(&flex())).with_name("box"));
+    let eye = [0.0, 0.0, 4.0];
+    let look_at = |target| Camera::look_at(eye, target);
+    let unseen = "nothing of the scene is in view 0";
+    for (part, camera) in [
+        ("", look_at([0.0; 3])),
+        // A corner of the box is in view.
+        ("", look_at([2.0, 0.0, 0.0])),
+        (unseen, look_at([0.0, 0.0, 9.0])),
+        (unseen, look_at([4.0, 0.0, 2.0])),
+        (unseen, look_at([0.0, -9.0, 0.0]).with_up([0.0, 0.0, 1.0])),
+        ("", look_at([0.0; 3]).with_orthographic(0.1)),
+        (unseen, look_at([0.0, 0.0, 9.0]).with_orthographic(9.0)),
+        // From inside, where it is dark.
+        (
+            "view 0 is black",
+            Camera::look_at([0.0; 3], [1.0, 0.0, 0.0]),
+        ),
+        ("", look_at([2.0, 0.0, 0.0]).with_thin_lens(0.5, 3.0)),
+    ] {
+        expect(part, (&scene, &camera, &small()));
+    }
+    // The box comes into view while the shutter is open.
+    let moving = scene.map_object("box", |o| {
+        let mesh = o.mesh.clone().translated([30.0, 0.0, 0.0]);
+        Object::new(mesh).with_velocity([-30.0, 0.0, 0.0])
+    });
+    let moving = moving.expect("an object");
+    expect("", (&moving, &look_at([0.0; 3]), &small()));
+}
+
+#[test]
+fn lights_that_face_away() {
+    let device = flex();
+    let floor = || Object::new(shapes::plane_grid(4.0, 4.0, 1, 1, &device));
+    let lamp = |up: bool| {
+        let [a, b, c, d] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let at = |[x, z]: [f64; 2]| [x, 2.0, z];
+        let corners = if up { [d, c, b, a] } else { [a, b, c, d] }.map(at);
+        let [a, b, c, d] = corners;
+        Object::new(shapes::quad(a, b, c, d, &device))
+            .with_name("lamp")
+            .with_material(Material::emitter([5.0; 3]))
+    };
+    let scene = |up| Scene::new().with_object(floor()).with_object(lamp(up));
+    let below = Camera::look_at([0.0, 1.0, 4.0], [0.0, 0.5, 0.0]);
+    let above = Camera::look_at([0.0, 4.0, 4.0], [0.0, 2.0, 0.0]);
+    expect("", (&scene(false), &below, &small()));
+    expect("", (&scene(true), &above, &small()));
+    let told = warnings(|| render(&scene(true), &below, &small()).expect("an image"));
+    assert!(told[0].contains("the light lamp faces away"), "{told:?}");
+
+    let spot = |direction: [f64; 3]| {
+        let light = Light::spot([0.0, 2.0, 0.0], direction, [5.0; 3], 10.0, 20.0);
+        lit(floor()).with_light(light)
+    };
+    expect("", (&spot([0.0, -1.0, 0.0]), &below, &small()));
+    let up = spot([0.0, 1.0, 0.0]);
+    expect("cone contains nothing", (&up, &below, &small()));
+}
+
+#[test]
+fn glass_that_is_open_or_lacks_bounces() {
+    let device = flex();
+    let glass = |mesh: Mesh| Object::new(mesh).with_material(Material::dielectric(1.5, 0.1));
+    let two = small().with_bounces(2);
+    let closed = lit(glass(shapes::sphere(16, 8, &device)).with_name("bowl"));
+    expect("", (&closed, &camera(), &two));
+    let few = small().with_bounces(1);
+    expect("after 1 bounces", (&closed, &camera(), &few));
+    // A ball without its last faces, alone and with a second object that closes it.
+    let whole = shapes::icosphere(1, &device);
+    let part = |range: std::ops::Range<usize>| {
+        let mut mesh = whole.clone();
+        mesh.faces = std::sync::Arc::new(mesh.faces[range].to_vec());
+        glass(mesh).with_name("bowl")
+    };
+    let open = lit(part(0..60));
+    expect("bowl is of glass but not closed", (&open, &camera(), &two));
+    let both = open.with_object(part(60..80));
+    expect("", (&both, &camera(), &two));
+}
+
+#[test]
+fn angles_in_radians() {
+    let expect_one = |part: &str, f: &dyn Fn()| {
+        let told = warnings(f);
+        assert!(told.len() == 1 && told[0].contains(part), "{told:?}");
+    };
+    let radians = |degrees: f64| degrees.to_radians();
+    expect_one("which is 90° in radians", &|| {
+        let _ = shapes::cube(&flex()).rotated([0.0, 1.0, 0.0], radians(90.0));
+    });
+    expect_one("the outer angle of a spot light", &|| {
+        let _ = Light::spot([0.0; 3], [1.0, 0.0, 0.0], [1.0; 3], 0.2, radians(20.0));
+    });
+    expect_one("the azimuth of a camera", &|| {
+        Camera::orbit([0.0; 3], 3.0, radians(30.0), 20.0).expect("a camera");
+    });
+    let blurred = small().with_blur(radians(2.0));
+    expect("the angle of cones", (&lit(ball()), &camera(), &blurred));
+    let degrees = small().with_blur(0.05);
+    expect("", (&lit(ball()), &camera(), &degrees));
+    let narrow = camera().with_fov_y(0.7);
+    expect("0.7 radians are 40.1°", (&lit(ball()), &narrow, &small()));
+}
+
+/// Other programs than the host's kernels do not look at their images, but files hold them.
+#[test]
+fn black_files() {
+    let folder = crate::common::folder::Folder::new("black");
+    let walls = Object::new(shapes::cube(&flex()));
+    let lamp = Object::new(shapes::icosahedron(&flex()).scaled(0.1))
+        .with_material(Material::emitter([1.0; 3]));
+    let scene = Scene::new().with_object(walls).with_object(lamp);
+    let options = small().with_engine(Engine::Tensors);
+    let image = render(&scene, &camera(), &options).expect("an image");
+    let told = warnings(|| image.write(folder.path("a.png")).expect("a file"));
+    assert!(
+        told.len() == 1 && told[0].ends_with("a.png: the image is black"),
+        "{told:?}"
+    );
+}
