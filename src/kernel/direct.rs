@@ -11,7 +11,7 @@ use crate::lanes::{LANES, Record};
 use crate::model::connection::{ConeKernel, Connection, Target};
 use crate::model::{V2, V3, v2};
 use crate::sampling::{Chosen, EmitterTriangle, Receiver};
-use crate::trace::{Arrived, NONE, map_of, radiance_of, sky, target_of};
+use crate::trace::{Arrived, NONE, limited, map_of, radiance_of, sky, target_of};
 
 impl Connecting {
     /// Connects the point to a target.
@@ -294,14 +294,14 @@ pub(super) fn direct_from_map<'a>(
 }
 
 /// Adds the light of the map that waits for the next rays, for those rays that hit nothing.
-pub(super) fn see_map(level: &mut Level, list: &mut [Walk], work: &Work) {
+pub(super) fn see_map(of: &PathBlock, level: &mut Level, list: &mut [Walk], work: &Work) {
     let mut rays = work.lanes.iter().zip(&work.hits);
     for waiting in &work.waiting {
         // Both lists are in the order of lanes.
         let own = rays.find(|(lane, _)| **lane == waiting.lane);
         if own.is_some_and(|(_, hit)| hit.triangle == NOTHING) {
             let path = level.paths[waiting.lane as usize];
-            list[path as usize].light.radiance += waiting.light;
+            list[path as usize].light.radiance += limited(&of.lists, waiting.light, of.bounce);
             level.lights.extend(waiting.sample);
         }
     }

@@ -13,7 +13,7 @@ use crate::lanes::{LANES, Record};
 use crate::model::triangle::{Plane, Triangle};
 use crate::model::{V2, V3, v2};
 use crate::sampling::{Dimensions, Four, Stream, draw_eight};
-use crate::trace::{HitTriangle, Point, emitted, hit_triangle, leave, middle_of, point_at, sky};
+use crate::trace::{HitTriangle, Point, hit_triangle, leave, limited, middle_of, point_at, sky};
 
 impl PathBlock<'_> {
     /// Traces paths from their camera rays to their ends.
@@ -63,9 +63,8 @@ impl PathBlock<'_> {
                 escape(self, level, &mut walks.list, work);
                 return;
             }
-            self.bounce += 1;
             self.find_hits::<false>(work);
-            work.counts.add_bounces_at(self.bounce, work.rays.len());
+            work.counts.add_bounces_at(self.bounce + 1, work.rays.len());
             let next = if self.kept.levels { at + 1 } else { 1 - at };
             let mut to = std::mem::take(walks.level(next));
             arrive(self, &walks.levels[at], &mut to, work);
@@ -73,8 +72,9 @@ impl PathBlock<'_> {
             if self.features.sees_sky {
                 escape(self, &mut walks.levels[at], &mut walks.list, work);
             } else if self.features.gathers_map {
-                see_map(&mut walks.levels[at], &mut walks.list, work);
+                see_map(self, &mut walks.levels[at], &mut walks.list, work);
             }
+            self.bounce += 1;
             at = next;
             walks.depth = at + 1;
         }
@@ -105,7 +105,8 @@ impl PathBlock<'_> {
         }
         for (candidate, blocker) in work.candidates.iter().zip(&work.hits) {
             if blocker.triangle == NOTHING {
-                list[candidate.path as usize].light.radiance += candidate.light;
+                let light = limited(&self.lists, candidate.light, self.bounce);
+                list[candidate.path as usize].light.radiance += light;
             }
         }
         let seen = work.samples.iter().zip(&work.hits);
@@ -210,9 +211,7 @@ fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
     }
     points(of, first, work);
     for (lane, &path) in first.paths.iter().enumerate() {
-        let (walk, point) = (&mut list[path as usize], first.points.get(lane));
-        walk.see(&point);
-        walk.light.radiance = emitted(lists, &point);
+        list[path as usize].begin(lists, &first.points.get(lane));
     }
 }
 
@@ -390,6 +389,7 @@ fn escape<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, list: &'a mut [Walk],
             let lane = lane as usize;
             let left = level.leavings.get(lane);
             let light = left.throughput * sky(&of.lists, left.bend.direction);
+            let light = limited(&of.lists, light, of.bounce);
             list[level.paths[lane] as usize].light.radiance += light;
             level.ways[lane] = Way::Escaped;
         }

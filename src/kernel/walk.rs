@@ -12,7 +12,9 @@ use crate::model::camera::CameraRay;
 use crate::model::{V2, V3};
 use crate::sampling::{EmitterKinds, Four, Met, Stream};
 pub(crate) use crate::trace::Seen;
-use crate::trace::{Arrived, Leaving, Point, PointGradient, RayGradient};
+use crate::trace::{
+    Arrived, Leaving, Point, PointGradient, RayGradient, Scene, albedo_of, emitted,
+};
 
 /// The approximate number of paths that are traced together. It is large enough to fill the lanes of stages, and to
 /// give the processor other work while it waits for one path's data.
@@ -90,6 +92,8 @@ pub(crate) struct Walk {
     /// The triangle that the first ray hit, or [`NOTHING`].
     pub seen: u32,
     pub light: Seen,
+    /// The albedo of that surface, if it is an output.
+    pub albedo: V3,
     /// The number of its rays, if rays are counted.
     pub rays: u32,
 }
@@ -102,6 +106,16 @@ impl Walk {
         self.light.opacity = 1.0;
         self.light.depth = point.distance;
         self.light.normal = point.shading.geometric;
+    }
+
+    /// Records the surface point that the camera ray hit, and its emission.
+    #[inline(always)]
+    pub fn begin(&mut self, scene: &Scene, point: &Point) {
+        self.see(point);
+        self.light.radiance = emitted(scene, point);
+        if scene.features.albedo {
+            self.albedo = albedo_of(scene, point);
+        }
     }
 }
 
@@ -125,6 +139,7 @@ impl Walks {
         let new = Walk {
             seen: NOTHING,
             light: Seen::default(),
+            albedo: V3::ZERO,
             rays: 1,
         };
         self.list.resize(count, new);
