@@ -1,11 +1,12 @@
-//! Direct light: connections of surface points to emitters, delta lights and directions of an environment map.
+//! Direct light: connections of surface points to emitters, delta lights and directions of an environment map, and the
+//! environment that rays escape to.
 
 use std::ops::Range;
 
 use macro_rules_attribute::apply;
 
 use super::eights::{self, Eight, brought};
-use super::walk::{Candidate, Connecting, Level, LightSample, PathBlock, Waiting, Walk, Work};
+use super::walk::{Candidate, Connecting, Level, LightSample, PathBlock, Waiting, Walk, Way, Work};
 use crate::accel::{HitRay, NOTHING, stage};
 use crate::lanes::{LANES, Record};
 use crate::model::connection::{ConeKernel, Connection, Target};
@@ -294,15 +295,43 @@ pub(super) fn direct_from_map<'a>(
 }
 
 /// Adds the light of the map that waits for the next rays, for those rays that hit nothing.
-pub(super) fn see_map(of: &PathBlock, level: &mut Level, list: &mut [Walk], work: &Work) {
+pub(super) fn see_map(level: &mut Level, list: &mut [Walk], work: &Work) {
     let mut rays = work.lanes.iter().zip(&work.hits);
     for waiting in &work.waiting {
         // Both lists are in the order of lanes.
         let own = rays.find(|(lane, _)| **lane == waiting.lane);
         if own.is_some_and(|(_, hit)| hit.triangle == NOTHING) {
             let path = level.paths[waiting.lane as usize];
-            list[path as usize].light.radiance += limited(&of.lists, waiting.light, of.bounce);
+            list[path as usize].light.radiance += waiting.light;
             level.lights.extend(waiting.sample);
         }
+    }
+}
+
+/// Adds the light of the environment for rays that hit nothing.
+#[apply(stage!)]
+pub(super) fn escape<'a>(
+    of: &'a PathBlock<'a>,
+    level: &'a mut Level,
+    list: &'a mut [Walk],
+    work: &'a Work,
+) {
+    for (&lane, hit) in work.lanes.iter().zip(&work.hits) {
+        if hit.triangle == NOTHING {
+            let lane = lane as usize;
+            let left = level.leavings.get(lane);
+            let light = left.throughput * sky(&of.lists, left.bend.direction);
+            let light = limited(&of.lists, light, of.bounce);
+            list[level.paths[lane] as usize].light.radiance += light;
+            level.ways[lane] = Way::Escaped;
+        }
+    }
+}
+
+/// Limits the indirect light of all connections.
+pub(super) fn limit_lights(of: &PathBlock, work: &mut Work) {
+    let lights = work.candidates.iter_mut().map(|c| &mut c.light);
+    for light in lights.chain(work.waiting.iter_mut().map(|w| &mut w.light)) {
+        *light = limited(&of.lists, *light, of.bounce);
     }
 }

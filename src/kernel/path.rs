@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use macro_rules_attribute::apply;
 
-use super::direct::{direct_from_emitters, direct_from_map, see_map};
+use super::direct::{direct_from_emitters, direct_from_map, escape, limit_lights, see_map};
 use super::eights::{self, Eight};
 use super::walk::{Level, PathBlock, Walk, Walks, Way, Work};
 use crate::accel::{Hit, HitRay, NOTHING, stage};
@@ -13,7 +13,7 @@ use crate::lanes::{LANES, Record};
 use crate::model::triangle::{Plane, Triangle};
 use crate::model::{V2, V3, v2};
 use crate::sampling::{Dimensions, Four, Stream, draw_eight};
-use crate::trace::{HitTriangle, Point, hit_triangle, leave, limited, middle_of, point_at, sky};
+use crate::trace::{HitTriangle, Point, emitted, hit_triangle, leave, middle_of, point_at, sky};
 
 impl PathBlock<'_> {
     /// Traces paths from their camera rays to their ends.
@@ -25,6 +25,9 @@ impl PathBlock<'_> {
         work.counts.rays += count as u64;
         work.counts.add_bounces_at(0, count);
         begin(self, walks, work);
+        if self.features.albedo {
+            walks.see_albedos(&self.lists);
+        }
         self.reflected(walks, work);
     }
 
@@ -72,7 +75,7 @@ impl PathBlock<'_> {
             if self.features.sees_sky {
                 escape(self, &mut walks.levels[at], &mut walks.list, work);
             } else if self.features.gathers_map {
-                see_map(self, &mut walks.levels[at], &mut walks.list, work);
+                see_map(&mut walks.levels[at], &mut walks.list, work);
             }
             self.bounce += 1;
             at = next;
@@ -97,6 +100,9 @@ impl PathBlock<'_> {
         if self.features.gathers_map {
             direct_from_map(self, level, last, work);
         }
+        if self.features.clamp {
+            limit_lights(self, work);
+        }
         self.find_hits::<true>(work);
         work.counts.rays += work.rays.len() as u64;
         if self.kept.counts {
@@ -105,8 +111,7 @@ impl PathBlock<'_> {
         }
         for (candidate, blocker) in work.candidates.iter().zip(&work.hits) {
             if blocker.triangle == NOTHING {
-                let light = limited(&self.lists, candidate.light, self.bounce);
-                list[candidate.path as usize].light.radiance += light;
+                list[candidate.path as usize].light.radiance += candidate.light;
             }
         }
         let seen = work.samples.iter().zip(&work.hits);
@@ -211,7 +216,9 @@ fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
     }
     points(of, first, work);
     for (lane, &path) in first.paths.iter().enumerate() {
-        list[path as usize].begin(lists, &first.points.get(lane));
+        let (walk, point) = (&mut list[path as usize], first.points.get(lane));
+        walk.see(&point);
+        walk.light.radiance = emitted(lists, &point);
     }
 }
 
@@ -379,19 +386,4 @@ fn arrive<'a>(of: &'a PathBlock<'a>, from: &'a Level, to: &'a mut Level, work: &
         }
     }
     points(of, to, work);
-}
-
-/// Adds the light of the environment for rays that hit nothing.
-#[apply(stage!)]
-fn escape<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, list: &'a mut [Walk], work: &'a Work) {
-    for (&lane, hit) in work.lanes.iter().zip(&work.hits) {
-        if hit.triangle == NOTHING {
-            let lane = lane as usize;
-            let left = level.leavings.get(lane);
-            let light = left.throughput * sky(&of.lists, left.bend.direction);
-            let light = limited(&of.lists, light, of.bounce);
-            list[level.paths[lane] as usize].light.radiance += light;
-            level.ways[lane] = Way::Escaped;
-        }
-    }
 }

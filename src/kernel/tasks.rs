@@ -45,12 +45,14 @@ impl View {
                     if let Some(objects) = &mut counted.objects {
                         self.count_object(i, walk.seen, objects);
                     }
-                    if let Some(albedos) = &mut counted.albedos {
-                        albedos[i] += walk.albedo;
-                    }
                     if let Some(rays) = &mut counted.rays {
                         rays[i] += walk.rays as f32;
                     }
+                }
+            }
+            if let Some(albedos) = &mut counted.albedos {
+                for (sum, own) in albedos[first..].iter_mut().zip(walks.albedos.chunks(each)) {
+                    own.iter().for_each(|&albedo| *sum += albedo);
                 }
             }
         });

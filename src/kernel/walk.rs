@@ -12,9 +12,7 @@ use crate::model::camera::CameraRay;
 use crate::model::{V2, V3};
 use crate::sampling::{EmitterKinds, Four, Met, Stream};
 pub(crate) use crate::trace::Seen;
-use crate::trace::{
-    Arrived, Leaving, Point, PointGradient, RayGradient, Scene, albedo_of, emitted,
-};
+use crate::trace::{Arrived, Leaving, Point, PointGradient, RayGradient, Scene, albedo_of};
 
 /// The approximate number of paths that are traced together. It is large enough to fill the lanes of stages, and to
 /// give the processor other work while it waits for one path's data.
@@ -92,8 +90,6 @@ pub(crate) struct Walk {
     /// The triangle that the first ray hit, or [`NOTHING`].
     pub seen: u32,
     pub light: Seen,
-    /// The albedo of that surface, if it is an output.
-    pub albedo: V3,
     /// The number of its rays, if rays are counted.
     pub rays: u32,
 }
@@ -107,22 +103,14 @@ impl Walk {
         self.light.depth = point.distance;
         self.light.normal = point.shading.geometric;
     }
-
-    /// Records the surface point that the camera ray hit, and its emission.
-    #[inline(always)]
-    pub fn begin(&mut self, scene: &Scene, point: &Point) {
-        self.see(point);
-        self.light.radiance = emitted(scene, point);
-        if scene.features.albedo {
-            self.albedo = albedo_of(scene, point);
-        }
-    }
 }
 
 /// Paths that are traced together.
 #[derive(Default)]
 pub(crate) struct Walks {
     pub list: Vec<Walk>,
+    /// The albedo of the first surface that each path saw, if it is an output.
+    pub albedos: Vec<V3>,
     /// Random numbers for the film.
     pub film: Block<Four>,
     pub cameras: Block<CameraRay>,
@@ -139,7 +127,6 @@ impl Walks {
         let new = Walk {
             seen: NOTHING,
             light: Seen::default(),
-            albedo: V3::ZERO,
             rays: 1,
         };
         self.list.resize(count, new);
@@ -147,6 +134,16 @@ impl Walks {
         self.cameras.reserve(count);
         self.level(0).clear(count);
         self.depth = 1;
+    }
+
+    /// Records the albedos of the first surfaces, which are those of the first level.
+    pub fn see_albedos(&mut self, scene: &Scene) {
+        self.albedos.clear();
+        self.albedos.resize(self.list.len(), V3::ZERO);
+        let first = &self.levels[0];
+        for (lane, &path) in first.paths.iter().enumerate() {
+            self.albedos[path as usize] = albedo_of(scene, &first.points.get(lane));
+        }
     }
 
     /// Returns a level, and adds levels up to it if there are fewer.
