@@ -1,4 +1,4 @@
-//! Renders a scene file (OBJ, glTF, PLY, or a scene.json that adds a camera) to a PNG or EXR file.
+//! Renders a scene file (OBJ, glTF, PLY, or a scene.json that adds a camera) to a PNG, EXR or PFM file.
 
 mod common;
 
@@ -15,7 +15,7 @@ use softray::prelude::*;
 pub struct Arguments {
     /// The scene: an .obj, .gltf, .glb or .ply file, or a .json file that adds a camera to one.
     scene: PathBuf,
-    /// The output image, .png or .exr.
+    /// The output image, .png, .exr or .pfm.
     #[arg(short, long)]
     out: PathBuf,
     /// Name of a camera in the file. Default: the first camera, or one that has the whole scene in view.
@@ -42,6 +42,13 @@ pub struct Arguments {
     /// Bounces after the first surface.
     #[arg(long, default_value_t = 3)]
     bounces: u32,
+    /// Limit of the indirect light that a path carries from one lamp, against fireflies. Default: none.
+    #[arg(long, conflicts_with = "softmax", value_name = "RADIANCE")]
+    clamp: Option<f64>,
+    /// Also write the inputs of Open Image Denoise beside the output: NAME.color.pfm, NAME.albedo.pfm and
+    /// NAME.normal.pfm.
+    #[arg(long)]
+    denoiser_inputs: bool,
     /// Half-angle of the ray cones, in degrees.
     #[arg(long, default_value_t = 0.0)]
     angle: f64,
@@ -70,7 +77,7 @@ pub struct Arguments {
     #[arg(long)]
     device: Option<String>,
     /// Exposure of a .png in stops. Default: 0, or a value that shows the lit parts if the picture would be too
-    /// bright or too dark. It changes neither an .exr nor the comparison with --reference.
+    /// bright or too dark. It changes neither an .exr or .pfm nor the comparison with --reference.
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     exposure: Option<f64>,
     /// Reference image for a comparison.
@@ -157,9 +164,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     if arguments.adaptive {
         options = options.with_adaptive();
     }
+    if let Some(radiance) = arguments.clamp {
+        options = options.with_indirect_clamp(radiance);
+    }
+    if arguments.denoiser_inputs {
+        options = options.with_albedo().with_normals();
+    }
     let start = Instant::now();
     let mut image = render(&scene, &camera, &options)?;
-    let mut host = HostImage::take(image.radiance)?;
+    let mut host = HostImage::from_tensor(&image.radiance)?;
     let chosen = arguments.environment.is_some() || arguments.environment_map.is_some();
     let is_model = !arguments
         .scene
@@ -171,12 +184,18 @@ pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         );
         scene = scene.with_environment([1.0; 3]);
         image = render(&scene, &camera, &options)?;
-        host = HostImage::take(image.radiance)?;
+        host = HostImage::from_tensor(&image.radiance)?;
     }
     bar.finish_and_clear();
     let seconds = start.elapsed().as_secs_f64();
     exposed(&host, arguments).write(&arguments.out)?;
     println!("wrote {}", arguments.out.display());
+    if arguments.denoiser_inputs {
+        let beside = |name: &str| arguments.out.with_extension(format!("{name}.pfm"));
+        host.write(beside("color"))?;
+        image.write_albedo(beside("albedo"))?;
+        image.write_normals(beside("normal"))?;
+    }
     println!("seconds {seconds:.2}");
     println!(
         "rays_per_second {:.0}",
@@ -194,9 +213,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
 /// Returns the image to write, with the exposure applied.
 fn exposed<'a>(image: &'a HostImage, arguments: &Arguments) -> Cow<'a, HostImage> {
     let ending = arguments.out.extension().unwrap_or_default();
-    if ending.eq_ignore_ascii_case("exr") {
+    if !ending.eq_ignore_ascii_case("png") {
         if arguments.exposure.is_some() {
-            eprintln!("exposure 0 EV: an .exr has the light as it is");
+            eprintln!("exposure 0 EV: an .exr or .pfm has the light as it is");
         }
         return Cow::Borrowed(image);
     }

@@ -19,6 +19,7 @@ pub(crate) struct Outputs {
     pub opacity: bool,
     pub depth: bool,
     pub normals: bool,
+    pub albedo: bool,
     /// The number of rows for shares of objects, including the background; 0 if they are not requested.
     pub objects: usize,
     /// Whether the last row is the number of rays.
@@ -29,7 +30,7 @@ impl Outputs {
     pub fn rows(self) -> usize {
         3 + usize::from(self.opacity)
             + usize::from(self.depth)
-            + if self.normals { 3 } else { 0 }
+            + 3 * (usize::from(self.normals) + usize::from(self.albedo))
             + self.objects
             + usize::from(self.rays)
     }

@@ -44,6 +44,12 @@ fn add_to_row(
         image[at + 2] += seen.normal.z * scale;
         at += 3;
     }
+    if comptime!(outputs.albedo) {
+        image[at] += light.albedo.x * scale;
+        image[at + 1] += light.albedo.y * scale;
+        image[at + 2] += light.albedo.z * scale;
+        at += 3;
+    }
     if comptime!(outputs.objects > 0) {
         let mut object = comptime!(outputs.objects as u32 - 1).runtime();
         if light.object != NONE {

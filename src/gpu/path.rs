@@ -21,7 +21,7 @@ use crate::model::connection::{Target, no_connection};
 use crate::model::{splat, v2};
 use crate::sampling::EmitterPlace;
 use crate::trace::{
-    CONE, Faces, NONE, Scene, emitted, emitters_of, leave, map_of, point_at, radiance_of,
+    CONE, Faces, NONE, Scene, emitted, emitters_of, leave, limited, map_of, point_at, radiance_of,
     receiver_of, sky, target_of,
 };
 
@@ -116,7 +116,8 @@ pub(super) fn path_light(
             // If surfaces gather the light of the map, escaping bounce rays add only the waiting light.
             if walk.purpose == OF_CAMERA || comptime!(scene.features.sees_sky) {
                 walk.bits |= ESCAPED;
-                light.seen.radiance += walk.throughput.times(sky(scene, walk.direction));
+                let sky = walk.throughput.times(sky(scene, walk.direction));
+                light.seen.radiance += limited(scene, sky, walk.bounce);
             }
             if comptime!(scene.features.gathers_map) {
                 if walk.waits {
@@ -152,7 +153,7 @@ pub(super) fn path_light(
 #[cube]
 fn take_light(walk: &mut Walk, light: &mut PathLight, missed: bool, #[comptime] keep: bool) {
     if missed && walk.limit > 0.0 {
-        light.seen.radiance += walk.throughput.times(walk.light);
+        light.seen.radiance += walk.light;
         if keep {
             if walk.purpose == TO_EMITTER {
                 walk.bits |= SAW_EMITTER;
@@ -212,10 +213,7 @@ fn arrive(
         if emits {
             light.seen.radiance += emitted(scene, &point);
         }
-        light.seen.opacity = 1.0;
-        light.seen.depth = distance;
-        light.seen.normal = point.shading.geometric;
-        light.object = point.object;
+        light.see(scene, &point, distance);
     } else {
         walk.bounce += 1;
     }
@@ -342,7 +340,8 @@ fn connect(scene: &Scene, memory: &mut Memory, path: &Beginning, walk: &mut Walk
                 target.radiance = sky(scene, target.direction);
             }
         }
-        walk.light = chosen.reflected.times(target.radiance) * chosen.scale;
+        let arrived = chosen.reflected.times(target.radiance) * chosen.scale;
+        walk.light = limited(scene, walk.throughput.times(arrived), walk.bounce);
     }
     walk.origin = chosen.start;
     walk.direction = chosen.direction;
@@ -350,7 +349,7 @@ fn connect(scene: &Scene, memory: &mut Memory, path: &Beginning, walk: &mut Walk
     if comptime!(scene.features.gathers_map) {
         if walk.purpose == TO_MAP_ALONG && walk.limit > 0.0 && walk.goes_straight_on(scene) {
             walk.waits = true;
-            walk.waiting = walk.throughput.times(walk.light);
+            walk.waiting = walk.light;
             walk.limit = -1.0f32;
         }
     }

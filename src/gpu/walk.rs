@@ -5,7 +5,7 @@ use crate::cube::*;
 use crate::model::bsdf::Scatter;
 use crate::model::connection::ConeKernel;
 use crate::model::{Pair, V2, V3};
-use crate::trace::{Beside, Point, Scene, Seen};
+use crate::trace::{Beside, Point, Scene, Seen, albedo_of};
 
 /// The purposes of a path's rays. The camera ray comes first. At each point, shadow rays follow: to a sampled
 /// emitter, to all emitters along the sampled BSDF direction, to a sampled direction of the environment map, and to
@@ -23,6 +23,8 @@ pub(super) const ENDED: u32 = 6;
 pub(super) struct PathLight {
     /// The surface that the first ray hits, and the light of the path.
     pub seen: Seen,
+    /// The albedo of that surface, if it is an output.
+    pub albedo: V3,
     /// The object that the first ray hits, or [`NONE`].
     pub object: u32,
     pub rays: u32,
@@ -30,6 +32,20 @@ pub(super) struct PathLight {
     pub looked: u32,
     /// The number of surface points on the path.
     pub points: u32,
+}
+
+#[cube]
+impl PathLight {
+    /// Records the surface point that the first ray hit.
+    pub fn see(&mut self, scene: &Scene, point: &Point, distance: f32) {
+        self.seen.opacity = 1.0;
+        self.seen.depth = distance;
+        self.seen.normal = point.shading.geometric;
+        self.object = point.object;
+        if comptime!(scene.features.albedo) {
+            self.albedo = albedo_of(scene, point);
+        }
+    }
 }
 
 /// A surface point at which a path starts, instead of the camera.
@@ -53,7 +69,7 @@ pub(super) struct Walk {
     pub origin: V3,
     pub direction: V3,
     pub limit: f32,
-    /// The light of the shadow ray if no occluder is in between, without the throughput.
+    /// The light of the shadow ray if no occluder is in between.
     pub light: V3,
     /// Whether the bounce ray also tests the visibility of the map along the BSDF direction, and the light that is
     /// then added if the ray escapes.

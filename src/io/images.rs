@@ -1,5 +1,5 @@
 use std::fmt;
-use std::io::{Seek, Write};
+use std::io::{self, Seek, Write};
 use std::path::Path;
 
 use burn::tensor::{Device, Tensor, TensorData};
@@ -138,8 +138,8 @@ impl HostImage {
         let (path, pixels) = (path.as_ref(), width.saturating_mul(height));
         Self::check_place(path)?;
         let of_pixel = match format_of(path)? {
-            ImageFormat::OpenExr => 12,
-            _ => 3,
+            ImageFormat::Png => 3,
+            _ => 12,
         };
         check_writable(path, pixels.saturating_mul(of_pixel).saturating_add(4096))
     }
@@ -161,8 +161,8 @@ impl HostImage {
         Ok(())
     }
 
-    /// Writes the image: `.exr` as linear 32-bit floats, `.png` as 8-bit sRGB clipped to [0, 1]. The file appears
-    /// under its name only when it is complete.
+    /// Writes the image: `.exr` and `.pfm` as linear 32-bit floats, `.png` as 8-bit sRGB clipped to [0, 1]. The file
+    /// appears under its name only when it is complete.
     ///
     /// # Errors
     /// If the extension is another one, the image is empty, or the file cannot be written.
@@ -179,6 +179,9 @@ impl HostImage {
     /// Encodes the image to `file`, in the format given by the extension of `path`.
     pub(super) fn encode(&self, path: &Path, file: &mut (impl Write + Seek)) -> Result<()> {
         let ([w, h], format) = (self.check_size()?, format_of(path)?);
+        if format == ImageFormat::Pnm {
+            return self.write_pfm(file).map_err(Error::io(path));
+        }
         let written = match format {
             ImageFormat::Png => {
                 RgbImage::from_raw(w, h, self.to_srgb()).map(|image| image.write_to(file, format))
@@ -188,6 +191,16 @@ impl HostImage {
         };
         let failed = |e| Error::format(path, format!("it can't be written: {e}"));
         written.transpose().map_err(failed).map(|_| ())
+    }
+
+    /// Writes a PFM file: a header, then the rows from the bottom up. A negative scale stands for little endian.
+    fn write_pfm(&self, file: &mut impl Write) -> io::Result<()> {
+        write!(file, "PF\n{} {}\n-1.0\n", self.width, self.height)?;
+        for row in self.pixels.chunks_exact(3 * self.width).rev() {
+            let bytes: Vec<u8> = row.iter().flat_map(|v| v.to_le_bytes()).collect();
+            file.write_all(&bytes)?;
+        }
+        Ok(())
     }
 
     /// Returns the values as sRGB bytes, clipped to [0, 1].
@@ -285,10 +298,11 @@ impl HostImage {
     }
 }
 
-/// Returns the format of an image to write, by its extension.
+/// Returns the format of an image to write, by its extension. `Pnm` stands for PFM.
 pub(super) fn format_of(path: &Path) -> Result<ImageFormat> {
-    Ok(match ending(path, &["exr", "png"])? {
+    Ok(match ending(path, &["exr", "pfm", "png"])? {
         "exr" => ImageFormat::OpenExr,
+        "pfm" => ImageFormat::Pnm,
         _ => ImageFormat::Png,
     })
 }

@@ -8,6 +8,7 @@ use image::{ExtendedColorType, ImageFormat};
 
 use super::HostImage;
 use super::images::{format_of, sides};
+use super::srgb::srgb_byte;
 use super::whole::write_whole;
 use crate::error::{Error, Result};
 use crate::render::{Image, Program};
@@ -17,8 +18,8 @@ use crate::warnings::warning;
 const BACKGROUND: [u8; 3] = [128; 3];
 
 impl Image {
-    /// Writes the radiance: `.exr` as linear 32-bit floats, `.png` as 8-bit sRGB clipped to [0, 1].
-    /// The file appears under its name only when it is complete.
+    /// Writes the radiance: `.exr` and `.pfm` as linear 32-bit floats, `.png` as 8-bit sRGB clipped to [0, 1]. The file
+    /// appears under its name only when it is complete.
     ///
     /// ```no_run
     /// # use softray::prelude::*;
@@ -47,8 +48,8 @@ impl Image {
 
     /// Writes the depth.
     ///
-    /// `.exr` stores scene units, the same in all three channels, and 0 where no surface is visible. `.png` uses the
-    /// color map viridis, from dark violet for the nearest to yellow for the farthest depth of the image, and gray
+    /// `.exr` and `.pfm` store scene units, the same in all three channels, and 0 where no surface is visible. `.png`
+    /// uses the color map viridis, from dark violet for the nearest to yellow for the farthest depth of the image, and gray
     /// where no surface is visible.
     ///
     /// # Errors
@@ -74,7 +75,7 @@ impl Image {
 
     /// Writes the normals.
     ///
-    /// `.exr` stores them unchanged, and 0 where no surface is visible. `.png` stores 0.5 + 0.5·n as linear bytes,
+    /// `.exr` and `.pfm` store them unchanged, and 0 where no surface is visible. `.png` stores 0.5 + 0.5·n as linear bytes,
     /// without sRGB encoding.
     ///
     /// # Errors
@@ -85,8 +86,18 @@ impl Image {
         })
     }
 
-    /// Writes the opacity: `.exr` with the same value in all three channels, `.png` as linear gray bytes, without
-    /// sRGB encoding.
+    /// Writes the albedo: `.exr` and `.pfm` unchanged, `.png` as 8-bit sRGB.
+    ///
+    /// # Errors
+    /// As [`Image::write`], or if [`RenderOptions::with_albedo`](crate::render::RenderOptions::with_albedo) is off.
+    pub fn write_albedo(&self, path: impl AsRef<Path>) -> Result<()> {
+        write_output(path.as_ref(), self.albedo.clone(), "albedo", |values| {
+            values.iter().map(|&v| srgb_byte(v)).collect()
+        })
+    }
+
+    /// Writes the opacity: `.exr` and `.pfm` with the same value in all three channels, `.png` as linear gray bytes,
+    /// without sRGB encoding.
     ///
     /// # Errors
     /// As [`Image::write`], or if [`RenderOptions::with_opacity`](crate::render::RenderOptions::with_opacity) is off.
@@ -104,8 +115,8 @@ fn in_three_channels(plane: &Tensor<2>) -> Tensor<3> {
     plane.expand([height, width, 3])
 }
 
-/// Writes an output of a render; a missing output is an error. `.exr` stores its values unchanged. `.png` stores the
-/// bytes that `picture` returns: one per pixel for gray, or three for RGB.
+/// Writes an output of a render; a missing output is an error. `.exr` and `.pfm` store its values unchanged. `.png`
+/// stores the bytes that `picture` returns: one per pixel for gray, or three for RGB.
 fn write_output(
     path: &Path,
     output: Option<Tensor<3>>,
@@ -118,7 +129,7 @@ fn write_output(
         Error::invalid("image", field, "not there", expected)
     })?;
     let data = HostImage::take(output)?;
-    if format == ImageFormat::OpenExr {
+    if format != ImageFormat::Png {
         return data.write(path);
     }
     let [w, h] = sides(data.width, data.height)?;

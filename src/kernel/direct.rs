@@ -1,17 +1,18 @@
-//! Direct light: connections of surface points to emitters, delta lights and directions of an environment map.
+//! Direct light: connections of surface points to emitters, delta lights and directions of an environment map, and the
+//! environment that rays escape to.
 
 use std::ops::Range;
 
 use macro_rules_attribute::apply;
 
 use super::eights::{self, Eight, brought};
-use super::walk::{Candidate, Connecting, Level, LightSample, PathBlock, Waiting, Walk, Work};
+use super::walk::{Candidate, Connecting, Level, LightSample, PathBlock, Waiting, Walk, Way, Work};
 use crate::accel::{HitRay, NOTHING, stage};
 use crate::lanes::{LANES, Record};
 use crate::model::connection::{ConeKernel, Connection, Target};
 use crate::model::{V2, V3, v2};
 use crate::sampling::{Chosen, EmitterTriangle, Receiver};
-use crate::trace::{Arrived, NONE, map_of, radiance_of, sky, target_of};
+use crate::trace::{Arrived, NONE, limited, map_of, radiance_of, sky, target_of};
 
 impl Connecting {
     /// Connects the point to a target.
@@ -304,5 +305,33 @@ pub(super) fn see_map(level: &mut Level, list: &mut [Walk], work: &Work) {
             list[path as usize].light.radiance += waiting.light;
             level.lights.extend(waiting.sample);
         }
+    }
+}
+
+/// Adds the light of the environment for rays that hit nothing.
+#[apply(stage!)]
+pub(super) fn escape<'a>(
+    of: &'a PathBlock<'a>,
+    level: &'a mut Level,
+    list: &'a mut [Walk],
+    work: &'a Work,
+) {
+    for (&lane, hit) in work.lanes.iter().zip(&work.hits) {
+        if hit.triangle == NOTHING {
+            let lane = lane as usize;
+            let left = level.leavings.get(lane);
+            let light = left.throughput * sky(&of.lists, left.bend.direction);
+            let light = limited(&of.lists, light, of.bounce);
+            list[level.paths[lane] as usize].light.radiance += light;
+            level.ways[lane] = Way::Escaped;
+        }
+    }
+}
+
+/// Limits the indirect light of all connections.
+pub(super) fn limit_lights(of: &PathBlock, work: &mut Work) {
+    let lights = work.candidates.iter_mut().map(|c| &mut c.light);
+    for light in lights.chain(work.waiting.iter_mut().map(|w| &mut w.light)) {
+        *light = limited(&of.lists, *light, of.bounce);
     }
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use macro_rules_attribute::apply;
 
-use super::direct::{direct_from_emitters, direct_from_map, see_map};
+use super::direct::{direct_from_emitters, direct_from_map, escape, limit_lights, see_map};
 use super::eights::{self, Eight};
 use super::walk::{Level, PathBlock, Walk, Walks, Way, Work};
 use crate::accel::{Hit, HitRay, NOTHING, stage};
@@ -25,6 +25,9 @@ impl PathBlock<'_> {
         work.counts.rays += count as u64;
         work.counts.add_bounces_at(0, count);
         begin(self, walks, work);
+        if self.features.albedo {
+            walks.see_albedos(&self.lists);
+        }
         self.reflected(walks, work);
     }
 
@@ -63,9 +66,8 @@ impl PathBlock<'_> {
                 escape(self, level, &mut walks.list, work);
                 return;
             }
-            self.bounce += 1;
             self.find_hits::<false>(work);
-            work.counts.add_bounces_at(self.bounce, work.rays.len());
+            work.counts.add_bounces_at(self.bounce + 1, work.rays.len());
             let next = if self.kept.levels { at + 1 } else { 1 - at };
             let mut to = std::mem::take(walks.level(next));
             arrive(self, &walks.levels[at], &mut to, work);
@@ -75,6 +77,7 @@ impl PathBlock<'_> {
             } else if self.features.gathers_map {
                 see_map(&mut walks.levels[at], &mut walks.list, work);
             }
+            self.bounce += 1;
             at = next;
             walks.depth = at + 1;
         }
@@ -96,6 +99,9 @@ impl PathBlock<'_> {
         }
         if self.features.gathers_map {
             direct_from_map(self, level, last, work);
+        }
+        if self.features.clamp {
+            limit_lights(self, work);
         }
         self.find_hits::<true>(work);
         work.counts.rays += work.rays.len() as u64;
@@ -380,18 +386,4 @@ fn arrive<'a>(of: &'a PathBlock<'a>, from: &'a Level, to: &'a mut Level, work: &
         }
     }
     points(of, to, work);
-}
-
-/// Adds the light of the environment for rays that hit nothing.
-#[apply(stage!)]
-fn escape<'a>(of: &'a PathBlock<'a>, level: &'a mut Level, list: &'a mut [Walk], work: &'a Work) {
-    for (&lane, hit) in work.lanes.iter().zip(&work.hits) {
-        if hit.triangle == NOTHING {
-            let lane = lane as usize;
-            let left = level.leavings.get(lane);
-            let light = left.throughput * sky(&of.lists, left.bend.direction);
-            list[level.paths[lane] as usize].light.radiance += light;
-            level.ways[lane] = Way::Escaped;
-        }
-    }
 }

@@ -9,6 +9,7 @@ use super::gradient::HostSums;
 use super::view::{Tracer, View};
 use super::walk::{Kept, Path, PathBlock, Paths, RUN, Seen, TOGETHER, Walks, Work};
 use crate::accel::stage;
+use crate::model::V3;
 use crate::trace::exposure;
 
 /// Counts for each pixel. `None` is not counted.
@@ -16,6 +17,8 @@ use crate::trace::exposure;
 pub(crate) struct Counted {
     /// The number of camera rays that hit each counted object, and the number of those that hit anything else.
     pub objects: Option<Vec<f32>>,
+    /// The sum of the albedos of the surfaces that camera rays hit.
+    pub albedos: Option<Vec<V3>>,
     /// The number of rays of paths.
     pub rays: Option<Vec<f32>>,
 }
@@ -45,6 +48,11 @@ impl View {
                     if let Some(rays) = &mut counted.rays {
                         rays[i] += walk.rays as f32;
                     }
+                }
+            }
+            if let Some(albedos) = &mut counted.albedos {
+                for (sum, own) in albedos[first..].iter_mut().zip(walks.albedos.chunks(each)) {
+                    own.iter().for_each(|&albedo| *sum += albedo);
                 }
             }
         });

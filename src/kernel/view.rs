@@ -71,6 +71,10 @@ pub(crate) struct ViewSettings {
     pub cone: f64,
     pub bounces: u32,
     pub roulette_after: Option<u32>,
+    /// The limit of indirect light.
+    pub clamp: Option<f32>,
+    /// Whether albedos are an output.
+    pub albedo: bool,
     pub multiple_importance: bool,
     pub sampler: Sampler,
     /// Whether gradients contain the interior term, besides the boundary term.
@@ -124,6 +128,8 @@ impl View {
             gathers_map,
             cones: self.cone > 0.0,
             roulette: settings.roulette_after.is_some(),
+            clamp: settings.clamp.is_some(),
+            albedo: settings.albedo,
             sequence: settings.sampler.sequence,
             ..of_scene
         }
@@ -143,7 +149,8 @@ impl View {
 
     fn flat(&self) -> Flat {
         let mut settings = self.camera.numbers().to_vec();
-        settings.extend([self.cone, self.scene.frame.unit as f32]);
+        let clamp = self.settings.clamp.unwrap_or(f32::INFINITY);
+        settings.extend([self.cone, self.scene.frame.unit as f32, clamp]);
         let emitters = &self.scene.emitters;
         let group = |g: &EmitterGroup| {
             // The members of a group have consecutive numbers.

@@ -12,7 +12,7 @@ use crate::model::camera::CameraRay;
 use crate::model::{V2, V3};
 use crate::sampling::{EmitterKinds, Four, Met, Stream};
 pub(crate) use crate::trace::Seen;
-use crate::trace::{Arrived, Leaving, Point, PointGradient, RayGradient};
+use crate::trace::{Arrived, Leaving, Point, PointGradient, RayGradient, Scene, albedo_of};
 
 /// The approximate number of paths that are traced together. It is large enough to fill the lanes of stages, and to
 /// give the processor other work while it waits for one path's data.
@@ -109,6 +109,8 @@ impl Walk {
 #[derive(Default)]
 pub(crate) struct Walks {
     pub list: Vec<Walk>,
+    /// The albedo of the first surface that each path saw, if it is an output.
+    pub albedos: Vec<V3>,
     /// Random numbers for the film.
     pub film: Block<Four>,
     pub cameras: Block<CameraRay>,
@@ -132,6 +134,16 @@ impl Walks {
         self.cameras.reserve(count);
         self.level(0).clear(count);
         self.depth = 1;
+    }
+
+    /// Records the albedos of the first surfaces, which are those of the first level.
+    pub fn see_albedos(&mut self, scene: &Scene) {
+        self.albedos.clear();
+        self.albedos.resize(self.list.len(), V3::ZERO);
+        let first = &self.levels[0];
+        for (lane, &path) in first.paths.iter().enumerate() {
+            self.albedos[path as usize] = albedo_of(scene, &first.points.get(lane));
+        }
     }
 
     /// Returns a level, and adds levels up to it if there are fewer.

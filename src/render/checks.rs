@@ -13,8 +13,9 @@ impl RenderOptions {
     /// Checks that images with `pixels` pixels in total are within the memory limit.
     pub(super) fn check_memory(&self, pixels: u128) -> Result<()> {
         let o = self.outputs;
-        let channels = [(true, 3), (o.opacity, 1), (o.depth, 1), (o.normals, 3)];
-        let channels: u128 = channels.iter().filter(|c| c.0).map(|c| c.1).sum();
+        let planes = [o.opacity, o.depth].map(u128::from);
+        let colors = [true, o.normals, o.albedo].map(u128::from);
+        let channels = planes.iter().sum::<u128>() + 3 * colors.iter().sum::<u128>();
         let bytes = 4 * channels * pixels;
         if bytes <= u128::from(self.memory_limit) {
             return Ok(());
@@ -25,6 +26,21 @@ impl RenderOptions {
             bytes as f64 / 1e9
         );
         Err(self.size_error(expected))
+    }
+
+    /// Checks that options without gradients are off, for an image with gradients.
+    pub(super) fn check_gradient(&self) -> Result<()> {
+        let pass = self.pass.filter(|&(_, passes)| passes > 1);
+        let pass = pass.map(|(index, passes)| format!("{index} of {passes}"));
+        let clamp = self.indirect_clamp.map(|limit| limit.to_string());
+        for (field, value) in [("pass", pass), ("indirect_clamp", clamp)] {
+            if let Some(value) = value {
+                let expected = "none, since a tensor of the scene or the camera is tracked, so that the image has \
+                                gradients";
+                return Err(Error::invalid("options", field, value, expected));
+            }
+        }
+        Ok(())
     }
 
     pub(super) fn size_error(&self, expected: impl Into<String>) -> Error {
@@ -78,6 +94,14 @@ impl RenderOptions {
         if self.adaptive && self.samples > MOST_ADAPTIVE {
             let expected = "at most 2²⁴ with adaptive sampling";
             return wrong("samples", &self.samples, expected);
+        }
+        if let Some(limit) = self.indirect_clamp {
+            if !(limit.is_finite() && limit > 0.0) {
+                return wrong("indirect_clamp", &limit, "a finite radiance above 0");
+            }
+            if self.visibility.is_softmax() {
+                return wrong("indirect_clamp", &limit, "none with the softmax");
+            }
         }
         if let Some((index, passes)) = self.pass {
             let value = format!("{index} of {passes}");

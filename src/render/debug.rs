@@ -18,8 +18,10 @@ macro_rules! images {
                         all.field(name, &tensor(plane));
                     }
                 }
-                if let Some(normals) = &$image.normals {
-                    all.field("normals", &tensor(normals));
+                for (name, colors) in [("normals", &$image.normals), ("albedo", &$image.albedo)] {
+                    if let Some(colors) = colors {
+                        all.field(name, &tensor(colors));
+                    }
                 }
                 if let Some(ids) = &$image.object_ids {
                     all.field("object_ids", &shape(ids));

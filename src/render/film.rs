@@ -75,7 +75,7 @@ impl Statistics {
     }
 }
 
-/// A rendered image. All tensors but the object ids are tracked if the scene or the camera has tracked tensors.
+/// A rendered image. All tensors but the albedo and the object ids are tracked if the scene or the camera has tracked tensors.
 #[derive(Clone)]
 pub struct Image {
     /// Linear RGB radiance `[H, W, 3]`, row 0 at the top.
@@ -89,6 +89,9 @@ pub struct Image {
     /// Normals `[H, W, 3]`, if requested: the expected geometric normal of the visible surfaces, facing the camera.
     /// They are 0 in pixels without a surface.
     pub normals: Option<Tensor<3>>,
+    /// The albedo `[H, W, 3]`, if requested ([`RenderOptions::with_albedo`](super::RenderOptions::with_albedo)). It is
+    /// not differentiable.
+    pub albedo: Option<Tensor<3>>,
     /// Object ids `[H, W]`, if requested: the index of the object with the most weight, or −1 for the background. They
     /// are not differentiable.
     pub object_ids: Option<Tensor<2, Int>>,
@@ -106,6 +109,7 @@ impl Image {
             opacity: self.opacity.map(|t| t.select(1, which.clone())),
             depth: self.depth.map(|t| t.select(1, which.clone())),
             normals: self.normals.map(|t| t.select(1, which.clone())),
+            albedo: self.albedo.map(|t| t.select(1, which.clone())),
             object_ids: self.object_ids.map(|t| t.select(1, which.clone())),
             statistics: self.statistics,
             diagnostics: self.diagnostics,
@@ -125,7 +129,7 @@ impl Image {
     }
 }
 
-/// The images of a batch. All tensors but the object ids are tracked if a scene or a camera has tracked tensors.
+/// The images of a batch. All tensors but the albedo and the object ids are tracked if a scene or a camera has tracked tensors.
 #[derive(Clone)]
 pub struct ImageBatch {
     /// Linear RGB radiance `[B, H, W, 3]`, row 0 at the top.
@@ -136,6 +140,8 @@ pub struct ImageBatch {
     pub depth: Option<Tensor<3>>,
     /// Normals `[B, H, W, 3]`; see [`Image::normals`].
     pub normals: Option<Tensor<4>>,
+    /// The albedo `[B, H, W, 3]`; see [`Image::albedo`].
+    pub albedo: Option<Tensor<4>>,
     /// Object ids `[B, H, W]`; see [`Image::object_ids`].
     pub object_ids: Option<Tensor<3, Int>>,
     /// The cost of each view.
@@ -176,6 +182,7 @@ impl ImageBatch {
             opacity: self.opacity.as_ref().map(|t| one(t, index)),
             depth: self.depth.as_ref().map(|t| one(t, index)),
             normals: self.normals.as_ref().map(|t| one(t, index)),
+            albedo: self.albedo.as_ref().map(|t| one(t, index)),
             object_ids: self.object_ids.as_ref().map(|t| one(t, index)),
             statistics: self.statistics[index].clone(),
             diagnostics: self.diagnostics.get(index).cloned(),
@@ -185,8 +192,8 @@ impl ImageBatch {
 
 /// Means over the samples of all pixels of all views.
 pub(super) struct Means {
-    /// Shape `[B, P, C]`, channels in the order radiance, opacity, depth, normal, weights of objects and the
-    /// background.
+    /// Shape `[B, P, C]`, channels in the order radiance, opacity, depth, normal, albedo, weights of objects and
+    /// the background.
     pub mean: Tensor<3>,
     /// The number of channels with weights of objects, without the background.
     pub objects: usize,
@@ -224,6 +231,7 @@ impl Means {
         };
         let depth = outputs.depth.then(|| plane(per_opacity(take(1))));
         let normals = outputs.normals.then(|| color(per_opacity(take(3))));
+        let albedo = (outputs.albedo).then(|| detached(&color(take(3))));
         let object_ids = outputs.object_ids.then(|| {
             let index = take(self.objects + 1).inner().argmax(2);
             let background = index.clone().equal_elem(self.objects as i64);
@@ -236,6 +244,7 @@ impl Means {
             opacity: opacity.filter(|_| outputs.opacity).map(plane),
             depth,
             normals,
+            albedo,
             object_ids,
             statistics: self.statistics,
             diagnostics: self.diagnostics,

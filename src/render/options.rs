@@ -74,6 +74,8 @@ pub struct RenderOptions {
     pub seed: u64,
     /// The bounce after which paths may end at random ([`RenderOptions::with_russian_roulette`]).
     pub roulette_after: Option<u32>,
+    /// The limit of indirect light ([`RenderOptions::with_indirect_clamp`]).
+    pub indirect_clamp: Option<f64>,
     /// See [`RenderOptions::with_rays_per_tile`].
     pub rays_per_tile: Option<usize>,
     /// See [`RenderOptions::with_adaptive`].
@@ -146,6 +148,7 @@ impl RenderOptions {
             sampling: Sampling::default(),
             seed: 0,
             roulette_after: None,
+            indirect_clamp: None,
             rays_per_tile: None,
             adaptive: false,
             adaptive_edges: true,
@@ -181,6 +184,14 @@ impl RenderOptions {
         /// A path continues with a probability of its largest throughput component, clamped to [0.05, 1]. Off by
         /// default.
         with_russian_roulette(after: u32) roulette_after = Some(after);
+        /// Limits indirect light against fireflies: single bright pixels, in which a rare path found a small bright lamp.
+        /// The light that reaches the camera from one lamp or the environment by one point of a path is scaled down
+        /// until its largest component is at most `radiance`. The hue stays. The first visible surface and its direct
+        /// light are not limited. Off by default.
+        ///
+        /// The image becomes darker where light is limited, mostly in caustics and mirror images of lamps. A limit of
+        /// several times the brightness of the image costs little light. Gradients and the softmax return an error.
+        with_indirect_clamp(radiance: f64) indirect_clamp = Some(radiance);
         /// Enables adaptive sampling: each pixel has between ¼ and 16 times [`samples`](Self::samples) paths. Off by
         /// default.
         ///
@@ -229,7 +240,7 @@ impl RenderOptions {
         /// choose it from the number of triangles that they pair with a ray. Kernels on a GPU ignore it.
         with_rays_per_tile(rays: usize) rays_per_tile = Some(rays);
         /// Sets the maximum size in bytes of the images of a call; 4 GiB by default. Larger images are an error before
-        /// anything is rendered. The size counts radiance, opacity, depth and normals, at 4 bytes per number.
+        /// anything is rendered. The size counts radiance, opacity, depth, normals and albedo, at 4 bytes per number.
         with_memory_limit(bytes: u64) memory_limit = bytes;
         /// Also returns the opacity `[H, W]`: the fraction of a pixel that surfaces cover, 0 to 1.
         with_opacity() outputs.opacity = true;
@@ -240,6 +251,12 @@ impl RenderOptions {
         /// Also returns normals `[H, W, 3]`: the mean geometric normal of the surfaces that primary rays hit, on the
         /// side that faces the camera, in scene axes. Pixels without a hit have normal 0.
         with_normals() outputs.normals = true;
+        /// Also returns the albedo `[H, W, 3]`, an input of denoisers in the form that Open Image Denoise takes: the mean
+        /// color, in [0, 1], of the surfaces that primary rays hit, whatever light falls on them. It is the albedo of
+        /// both lobes for Phong, the base color for metallic–roughness, the reflectance along the normal for a
+        /// conductor and the tint for a dielectric (1 for clear glass). Emitters add their emission before the limit
+        /// of 1. The background counts as 0. The albedo has no gradient.
+        with_albedo() outputs.albedo = true;
         /// Also returns object ids `[H, W]`: the index, in the scene's order, of the object that covers most of a
         /// pixel, or −1 for the background. Ids have no gradient.
         with_object_ids() outputs.object_ids = true;

@@ -13,6 +13,8 @@ pub struct Outputs {
     pub depth: bool,
     /// See [`RenderOptions::with_normals`](super::RenderOptions::with_normals).
     pub normals: bool,
+    /// See [`RenderOptions::with_albedo`](super::RenderOptions::with_albedo).
+    pub albedo: bool,
     /// See [`RenderOptions::with_object_ids`](super::RenderOptions::with_object_ids).
     pub object_ids: bool,
 }

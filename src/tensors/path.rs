@@ -24,6 +24,8 @@ pub(crate) struct Radiance {
     pub radiance: Vec3,
     /// The shares of surfaces in the primary rays, with these rays.
     pub first: Shares,
+    /// The albedo of a surface of each primary ray, if requested; untracked.
+    pub albedo: Option<Vec3>,
     pub statistics: RayStatistics,
     /// Counts of degenerate cases, if requested.
     pub diagnostics: Option<Diagnostics>,
@@ -51,6 +53,7 @@ struct Tracing<'a> {
     /// The shares of surfaces in the primary rays, and the light that these rays see.
     first: Option<Shares>,
     seen: Option<Vec3>,
+    albedo: Option<Vec3>,
 }
 
 /// Returns the radiance along primary rays, each of which belongs to a path (pixel, sample). `per_pixel` consecutive
@@ -84,6 +87,7 @@ pub(crate) fn trace<'a>(
         draws: Vec::new(),
         first: None,
         seen: None,
+        albedo: None,
     };
     let dark = transport.lights.emitters.is_empty() && sky.is_none();
     for bounce in 0..=settings.bounces {
@@ -142,6 +146,9 @@ impl<'a> Tracing<'a> {
             self.seen = seen::seen(&tracer.transport, &weights, &batch.rays)?;
         }
         let random = sampler.of_surfaces(&batch.paths, bounce);
+        if bounce == 0 && settings.albedo {
+            self.albedo = Some(seen::albedo(scene, &weights, &batch.rays, &random)?);
+        }
         let split = bounce == 0 && settings.sampling.surfaces == SurfaceSampling::Split;
         let drawn = if split && dark {
             Vec::new()
@@ -184,7 +191,7 @@ impl<'a> Tracing<'a> {
             let light = sky.radiance(context, &self.batch.rays.direction.gather(&index))?;
             let light = light.map(|e| e.expand([1, n]));
             let light = (self.batch).contribution(context, bounce, Some(&missed), light);
-            self.found.push(light);
+            self.add(bounce - 1, light);
         }
         Ok(())
     }
@@ -192,7 +199,7 @@ impl<'a> Tracing<'a> {
     /// Adds direct light from emitters and the map, and samples the directions in which paths continue. Returns `None`
     /// if they do not continue.
     fn direct_light(&mut self, points: &SurfacePoints, bounce: u32) -> Result<Option<Scatter>> {
-        let Self { tracer, batch, .. } = self;
+        let Self { tracer, batch, .. } = &*self;
         let Transport {
             scene,
             settings,
@@ -221,10 +228,23 @@ impl<'a> Tracing<'a> {
             lit.extend(direct::from_map(tracer, map, shaded, direction)?);
         }
         for (which, light) in lit {
-            let light = batch.contribution(context, bounce, which.as_deref(), light);
-            self.found.push(light);
+            let light = (self.batch).contribution(context, bounce, which.as_deref(), light);
+            self.add(bounce, light);
         }
         Ok(scatter.filter(|_| goes_on))
+    }
+
+    /// Adds light that arrives at points after `bounce` bounces. After the first surface it is scaled down to the limit
+    /// of indirect light, if there is one.
+    fn add(&mut self, bounce: u32, mut found: Contribution) {
+        let limit = self.tracer.transport.settings.indirect_clamp;
+        if let Some(limit) = limit.filter(|_| bounce > 0) {
+            let Vec3 { x, y, z } = &found.light;
+            let largest = x.clone().max_pair(y.clone()).max_pair(z.clone());
+            let scale = largest.clamp_min(limit).recip() * limit;
+            found.light = found.light.scale(&scale);
+        }
+        self.found.push(found);
     }
 
     fn go_on(&mut self, points: SurfacePoints, scatter: Scatter, bounce: u32) -> Result<()> {
@@ -255,8 +275,8 @@ impl<'a> Tracing<'a> {
             let rays = &self.batch.rays;
             let visible = self.tracer.weights(rays)?.background();
             let light = sky.radiance(context, &rays.direction)?.scale(&visible);
-            self.found
-                .push(self.batch.contribution(context, bounce, None, light));
+            let light = (self.batch).contribution(context, bounce, None, light);
+            self.add(bounce, light);
         }
         Ok(())
     }
@@ -291,6 +311,7 @@ impl<'a> Tracing<'a> {
         Ok(Radiance {
             radiance,
             first,
+            albedo: self.albedo,
             statistics: tracer.statistics.into_inner(),
             diagnostics: tracer.diagnostics.into_inner(),
         })

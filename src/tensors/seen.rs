@@ -1,7 +1,8 @@
-//! Emission that primary rays see.
+//! Emission and albedos that primary rays see.
 
 use burn::tensor::Tensor;
 
+use super::bsdf;
 use super::emission::emission;
 use super::rays::{Rays, spread};
 use super::softmax::Shares;
@@ -55,13 +56,47 @@ fn uneven(scene: &Flattened, weights: &Shares, rays: &Rays) -> Result<Option<Vec
     if which.is_empty() {
         return Ok(None);
     }
+    let (_, light) = points(scene, &rays.pick(context, &which), &which, &hit)?;
+    Ok(Some(light.map(|l| spread(context, l, &which, count))))
+}
+
+/// Returns the points of the surfaces that the listed rays hit, and their emission. `rays` are the listed ones alone.
+fn points(
+    scene: &Flattened,
+    rays: &Rays,
+    which: &[u32],
+    hit: &[u32],
+) -> Result<(SurfacePoints, Vec3)> {
     let triangles: Vec<u32> = which.iter().map(|&i| hit[i as usize]).collect();
-    let materials: Vec<u32> = triangles.iter().map(|&k| material[k as usize]).collect();
-    let rays = rays.pick(context, &which);
-    let points = SurfacePoints::new(scene, &rays, triangles)?;
-    let index = context.index_row(&materials);
+    let material = |&k: &u32| scene.topology.material[k as usize];
+    let materials: Vec<u32> = triangles.iter().map(material).collect();
+    let points = SurfacePoints::new(scene, rays, triangles)?;
+    let index = scene.context.index_row(&materials);
     let side = points.inside.clone() * 2.0 - 1.0;
     let cosine = points.geometric_normal.dot(&rays.direction) * side;
     let light = emission(scene, &materials, &index, &points.uv, &cosine)?;
-    Ok(Some(light.map(|l| spread(context, l, &which, count))))
+    Ok((points, light))
+}
+
+/// Returns the albedo, in [0, 1], of one surface of each ray, drawn with a list of random numbers: the color of the BSDF
+/// plus the emission. It is 0 for the background, and untracked.
+pub(crate) fn albedo(
+    scene: &Flattened,
+    weights: &Shares,
+    rays: &Rays,
+    random: &[f64],
+) -> Result<Vec3> {
+    let (context, count) = (&scene.context, rays.len());
+    let hit = weights.draw(random.to_vec())?;
+    let is_surface = |i: &u32| hit[*i as usize] < scene.triangles.len() as u32;
+    let which: Vec<u32> = (0..count as u32).filter(is_surface).collect();
+    if which.is_empty() {
+        let none = Tensor::zeros([1, count], (&context.device, context.dtype));
+        return Ok(Vec3::new(none.clone(), none.clone(), none));
+    }
+    let rays = rays.pick(context, &which);
+    let (points, light) = points(scene, &rays, &which, &hit)?;
+    let color = bsdf::albedo(&points, &rays.direction).add(&light);
+    let color = color.detached().map(|x| x.clamp(0.0, 1.0));
+    Ok(color.map(|x| spread(context, x, &which, count)))
 }

@@ -26,6 +26,10 @@ pub(crate) struct PathSettings {
     pub diagnostics: bool,
     /// The bounce from which Russian roulette may end paths.
     pub roulette_after: Option<u32>,
+    /// The limit of indirect light.
+    pub indirect_clamp: Option<f64>,
+    /// Whether albedos are an output.
+    pub albedo: bool,
     /// The sampling strategies.
     pub sampling: Sampling,
 }

@@ -35,6 +35,9 @@ pub(crate) struct Features {
     pub dark: bool,
     pub cones: bool,
     pub roulette: bool,
+    /// Whether indirect light is clamped, and whether albedos are an output.
+    pub clamp: bool,
+    pub albedo: bool,
     pub sequence: Sequence,
 }
 

@@ -3,7 +3,7 @@
 use crate::cube::*;
 
 use super::parts::{AREAS, TRIANGLES};
-use super::scene::{OF_GROUP, Scene};
+use super::scene::{CLAMP, OF_GROUP, Scene};
 use super::sums::{Sums, add_to_light};
 use super::surface::{Point, PointGradient};
 use super::texture::{sky, sky_backward};
@@ -155,6 +155,22 @@ pub(crate) fn radiance_of(scene: &Scene, k: u32, weights: V2, cosine: f32) -> V3
         radiance = emission_at(scene, triangle, of_corners(weights), cosine);
     }
     radiance
+}
+
+/// Returns light that reaches the camera from one light by a path's point after `bounce` bounces. After the first
+/// surface it is scaled down to the limit of indirect light, if there is one.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn limited(scene: &Scene, light: V3, bounce: u32) -> V3 {
+    let mut limited = light;
+    if comptime!(scene.features.clamp) {
+        let largest = light.max_element();
+        let limit = scene.settings[CLAMP];
+        if bounce > 0 && largest > limit {
+            limited = light * (limit / largest);
+        }
+    }
+    limited
 }
 
 /// Backward pass of light from a fixed point of an emitter, or from a delta light; returns the derivative with

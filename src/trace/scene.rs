@@ -247,9 +247,11 @@ pub(crate) const COMPENSATED: u32 = 8;
 pub(crate) const MODEL: u32 = 16;
 pub(crate) const GLOWS: u32 = 8 * MODEL;
 
-/// Settings of a view: the camera, the tangent of the half-angle of cones, and scene units per unit of the lists.
+/// Settings of a view: the camera, the tangent of the half-angle of cones, scene units per unit of the lists, and the
+/// limit of indirect light.
 pub(crate) const CONE: usize = camera::NUMBERS;
 pub(crate) const UNIT: usize = CONE + 1;
+pub(crate) const CLAMP: usize = UNIT + 1;
 
 #[cfg_attr(feature = "gpu", cube)]
 impl<'a> Scene<'a> {

@@ -72,6 +72,14 @@ pub(crate) fn emitted(scene: &Scene, p: &Point) -> V3 {
     emission
 }
 
+/// Returns the albedo that a camera ray sees, in [0, 1]: the color of the BSDF plus the emission.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(crate) fn albedo_of(scene: &Scene, p: &Point) -> V3 {
+    let color = p.shading.albedo() + emitted(scene, p);
+    color.max(splat(0.0)).min(splat(1.0))
+}
+
 /// Backward pass of the quantities that the camera sees of a surface point, for the upstream gradient: its emission,
 /// with respect to the position too if it is textured, its normal, and its distance. Returns the derivative with
 /// respect to the distance.

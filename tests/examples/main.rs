@@ -168,6 +168,10 @@ fn exposure() {
     let automatic = mean("automatic.png", &[]);
     assert!((0.1..0.3).contains(&automatic), "{automatic}");
     assert!(mean("as_it_is.png", &["--exposure", "0"]) > 0.99);
+    mean("inputs.exr", &["--denoiser-inputs", "--clamp", "5"]);
+    for name in ["color", "albedo", "normal"] {
+        assert!(folder.join(format!("inputs.{name}.pfm")).exists(), "{name}");
+    }
     let set = mean("set.png", &["--exposure", "-12"]);
     assert!((set * 4096.0 / linear - 1.0).abs() < 0.05, "{set} {linear}");
 }

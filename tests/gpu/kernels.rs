@@ -171,7 +171,7 @@ fn cases() -> Vec<Case> {
                 }
                 (scene, camera)
             },
-            options: |o| o.with_bounces(1).with_depth().with_normals().with_opacity(),
+            options: |o| o.with_bounces(1).with_depth().with_normals().with_albedo(),
             pixels: None,
         },
         // Lines in which triangles pass through each other.

@@ -12,3 +12,4 @@ mod compiled;
 mod kernels;
 mod losses;
 mod memory;
+mod pictures;

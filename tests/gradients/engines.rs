@@ -105,7 +105,7 @@ fn everything(device: &Device, sky: bool) -> (Scene, Camera, Vec<Tensor<1>>) {
     (scene, camera, all)
 }
 
-/// Radiance, opacity, depth, normals, objects, and the gradients of all parameters of a loss of all
+/// Radiance, opacity, depth, normals, albedo, objects, and the gradients of all parameters of a loss of all
 /// outputs.
 fn outcome(engine: Engine, sky: bool, form: Visibility) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let device = Device::flex();
@@ -120,6 +120,7 @@ fn outcome(engine: Engine, sky: bool, form: Visibility) -> (Vec<Vec<f64>>, Vec<V
         .with_opacity()
         .with_depth()
         .with_normals()
+        .with_albedo()
         .with_object_ids();
     let image = render(&scene, &camera, &options).expect("an image");
     let (opacity, depth) = (image.opacity.expect("it"), image.depth.expect("it"));
@@ -132,6 +133,7 @@ fn outcome(engine: Engine, sky: bool, form: Visibility) -> (Vec<Vec<f64>>, Vec<V
         values(&opacity),
         values(&depth),
         values(&normals),
+        values(&image.albedo.expect("it")),
         values(&ids.float()),
     ];
     let gradients = loss.backward();

@@ -386,7 +386,7 @@ fn messages_name_what_is_wrong() {
     }
     // Refused before the render, which would be lost.
     let at = |path: &Path| message(HostImage::check_path(path));
-    assert!(at(&folder.0.join("x.jpg")).contains(".exr or .png"));
+    assert!(at(&folder.0.join("x.jpg")).contains(".exr or .pfm or .png"));
     assert!(at(&folder.0.join("nowhere/x.png")).contains("no folder"));
     assert!(HostImage::check_path(folder.0.join("x.png")).is_ok());
     // A `main` that returns an error prints it by `{:?}`.

@@ -70,12 +70,12 @@ fn files() {
         SceneFile::load(folder.write("t.json", "{\"obj\": \"s.obj\"}"), &flex())
     });
     let image = || HostImage::new(2, 2, vec![0.5; 12]);
-    told.expect("write a JPEG", &["a.jpg", ".exr or .png"], || {
+    told.expect("write a JPEG", &["a.jpg", ".exr or .pfm or .png"], || {
         image()?.write(folder.path("a.jpg"))
     });
     told.expect(
         "write without an ending",
-        &["image", ".exr or .png"],
+        &["image", ".exr or .pfm or .png"],
         || image()?.write(folder.path("image")),
     );
     told.expect("write into no folder", &["none", "no folder"], || {

@@ -22,15 +22,20 @@ fn outputs_are_pictures_and_data() {
         .with_environment([0.9, 0.7, 1.5]);
     let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).with_fov_y(40.0);
     let options = RenderOptions::new(32, 24).with_samples(4).with_bounces(0);
-    let options = options.with_depth().with_normals().with_opacity();
+    let options = options
+        .with_depth()
+        .with_normals()
+        .with_opacity()
+        .with_albedo();
     let batch = Batch::new(vec![scene], vec![camera.clone(), camera]).expect("a batch");
     let image = render_batch(&batch, &options).expect("images").view(1);
-    for ending in ["png", "exr"] {
+    for ending in ["png", "exr", "pfm"] {
         let path = |name: &str| folder.path(&format!("{name}.{ending}"));
         image.write(path("radiance")).expect("a file");
         image.write_depth(path("depth")).expect("a file");
         image.write_normals(path("normals")).expect("a file");
         image.write_opacity(path("opacity")).expect("a file");
+        image.write_albedo(path("albedo")).expect("a file");
     }
     let data = |name: &str| HostImage::read(folder.path(name)).expect("an image").pixels;
     let same = |found: Vec<f32>, expected: &[f64], times: usize| {
@@ -45,6 +50,18 @@ fn outputs_are_pictures_and_data() {
     same(data("depth.exr"), &depth, 3);
     same(data("normals.exr"), &normals, 1);
     same(data("opacity.exr"), &opacity, 3);
+    let albedo = values(image.albedo.as_ref().expect("albedo"));
+    same(data("albedo.exr"), &albedo, 1);
+
+    // Portable float maps: rows from the bottom up, little endian.
+    let file = fs::read(folder.path("normals.pfm")).expect("a file");
+    let rows = file.strip_prefix(b"PF\n32 24\n-1.0\n").expect("a header");
+    let numbers = rows
+        .chunks_exact(4)
+        .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    let numbers: Vec<f32> = numbers.collect();
+    let from_top = numbers.chunks(3 * 32).rev().flatten().copied().collect();
+    same(from_top, &normals, 1);
 
     let picture = |name: &str| image::open(folder.path(name)).expect("a picture");
     let radiance = picture("radiance.png");
@@ -54,6 +71,9 @@ fn outputs_are_pictures_and_data() {
     let (of_depth, of_normals) = (picture("depth.png"), picture("normals.png"));
     let of_opacity = picture("opacity.png");
     assert_eq!(of_opacity.color(), image::ColorType::L8);
+    let of_albedo = picture("albedo.png");
+    // Of the default albedo of 0.5 in sRGB.
+    assert_eq!(of_albedo.get_pixel(16, 12).0[..3], [188; 3]);
     let byte = |v: f64| (255.0 * v.clamp(0.0, 1.0)).round();
     let seen = || depth.iter().copied().filter(|&d| d > 0.0);
     let (near, far) = (
@@ -104,11 +124,15 @@ fn outputs_that_were_not_asked_for_are_named() {
         ["RenderOptions::with_normals"],
     );
     says(
+        message(image.write_albedo(&png)),
+        ["RenderOptions::with_albedo"],
+    );
+    says(
         message(image.write_opacity(&png)),
         ["RenderOptions::with_opacity"],
     );
     let jpeg = image.write(folder.path("a.jpg"));
-    says(message(jpeg), ["expected .exr or .png"]);
+    says(message(jpeg), ["expected .exr or .pfm or .png"]);
     assert!(folder.files().is_empty());
 }
 

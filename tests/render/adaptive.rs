@@ -155,15 +155,24 @@ fn what_does_not_know_it_says_so() {
 }
 
 #[test]
-fn passes_have_no_gradients() {
+fn passes_and_clamps_have_no_gradients() {
     let device = Device::flex();
     let (room, camera) = cornell_box(&device);
     let offset = Tensor::<1>::zeros([3], &device).autodiff().require_grad();
     let moved = |o: Object| o.map_mesh(|m| m.translated(offset.clone()));
     let room = room.map_object("tall", moved).expect("a block");
-    let options = RenderOptions::new(4, 4).with_samples(4).with_pass(1, 2);
-    says(
-        message(render(&room, &camera, &options)),
-        ["pass", "1 of 2", "gradients"],
-    );
+    let options = RenderOptions::new(4, 4).with_samples(4);
+    let clamped = options.clone().with_indirect_clamp(2.5);
+    for (options, field, value) in [
+        (options.with_pass(1, 2), "pass", "1 of 2"),
+        (clamped.clone(), "indirect_clamp", "2.5"),
+        (
+            clamped.with_engine(Engine::Tensors),
+            "indirect_clamp",
+            "2.5",
+        ),
+    ] {
+        let told = message(render(&room, &camera, &options));
+        says(told, [field, value, "tracked", "gradients"]);
+    }
 }

@@ -70,7 +70,6 @@ pub fn compare(
 }
 
 /// The share of pixels (of 3 channels) within 1e-3 relative.
-#[cfg(feature = "ndarray")]
 pub fn share_of_close_pixels(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
     let close = a

@@ -15,6 +15,7 @@ mod lights;
 mod meshes;
 mod mistakes;
 mod occlusion;
+mod pictures;
 mod references;
 mod renders;
 mod sampling;

@@ -368,6 +368,11 @@ fn options() {
             )
         },
     );
+    for limit in [0.0, f64::INFINITY, f64::NAN] {
+        told.expect("a clamp of none", &["indirect_clamp", "above 0"], || {
+            with(small().with_indirect_clamp(limit))
+        });
+    }
     told.expect("a pass too many", &["pass", "4 of 4", "less than"], || {
         with(small().with_samples(8).with_pass(4, 4))
     });

@@ -37,6 +37,13 @@ struct FactorsGradient {
     upright: f32,
 }
 
+/// Returns the tint, which is 1 for clear glass.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn albedo(shading: &Shading) -> V3 {
+    shading.diffuse
+}
+
 /// Returns the probability of choosing reflection before a facet is sampled. Slanted facets transmit light where a
 /// facet along the normal reflects all of it, so neither choice has probability 0.
 #[cfg_attr(feature = "gpu", cube)]

@@ -32,6 +32,17 @@ struct TermsGradient {
     t: f32,
 }
 
+/// Returns the reflectance of the metal along the normal, and for metallic-roughness the base color.
+#[cfg_attr(feature = "wgpu", cube)]
+#[inline(always)]
+pub(super) fn albedo(shading: &Shading) -> V3 {
+    let mut color = shading.diffuse;
+    if shading.model != METALLIC {
+        color = shading.fresnel(1.0);
+    }
+    color
+}
+
 /// Returns the probability of sampling the microfacet lobe, which is roughly its fraction of the reflected light.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]

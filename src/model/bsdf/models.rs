@@ -3,7 +3,7 @@
 /// Defines [`Models`] and the dispatch between models from a list of files in this folder, each with the BSDFs it
 /// computes.
 ///
-/// Each file defines these functions of a shading: `gloss`, `evaluate`, `evaluate_backward`, `densities`, `draw`,
+/// Each file defines these functions of a shading: `albedo`, `gloss`, `evaluate`, `evaluate_backward`, `densities`, `draw`,
 /// `weight_backward`, `as_drawn`, `direction_backward` and `lobe`. The methods of [`Shading`] here describe them.
 /// Calls begin with `self`, since the code that `cube` adds has the hygiene of a call's first token.
 macro_rules! models {
@@ -76,6 +76,18 @@ macro_rules! models {
 
         #[cfg_attr(feature = "gpu", cube)]
         impl Shading {
+            /// Returns the approximate color of the surface, whatever the light and the view.
+            #[inline(always)]
+            pub fn albedo(&self) -> V3 {
+                let mut found = splat(0.0);
+                $(if comptime!(self.models.$model) {
+                    if is::$model(self) {
+                        found = self::$model::albedo(self);
+                    }
+                })+
+                found
+            }
+
             /// Returns the probability of the specular lobe, which is roughly its fraction of the scattered light.
             #[inline(always)]
             pub fn gloss(&self) -> f32 {

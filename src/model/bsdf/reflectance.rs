@@ -20,7 +20,7 @@ const REST: f32 = 1.0 - DIELECTRIC_F0;
 impl Shading {
     /// Returns the Fresnel reflectance of a conductor for the cosine to the facet normal.
     #[inline(always)]
-    fn fresnel(&self, cosine: f32) -> V3 {
+    pub(super) fn fresnel(&self, cosine: f32) -> V3 {
         let eta = self.eta_of_metal();
         let k = self.extinction();
         v3(

@@ -10,6 +10,7 @@ use super::prepare::Places;
 use super::rows::Rows;
 use crate::error::Result;
 use crate::kernel::{Counted, RayCounts, View, Work};
+use crate::model::V3;
 use crate::render::options::RenderOptions;
 use crate::render::tiles::{Tile, tiles};
 
@@ -130,6 +131,7 @@ impl Forward<'_> {
         let mut work = Work::new(self.options.bounces);
         let mut more = Counted {
             objects: (self.rows.objects).map(|_| vec![0.0; (own + 1) * tile.pixels]),
+            albedos: (self.rows.albedo()).map(|_| vec![V3::ZERO; tile.pixels]),
             rays: self.rows.rays.then(|| vec![0.0; tile.pixels]),
         };
         let samples = tile.from..tile.to;
@@ -141,6 +143,9 @@ impl Forward<'_> {
             let values = self.rows.of(sum, view.scene.frame.unit);
             row.iter_mut().zip(values).for_each(|(r, v)| *r = v);
             non_finite += row[..3].iter().filter(|v| !v.is_finite()).count() as u64;
+            if let (Some(albedos), Some(channels)) = (&more.albedos, self.rows.albedo()) {
+                row[channels].copy_from_slice(&albedos[i].as_dvec3().to_array());
+            }
             if let Some(rays) = &more.rays {
                 row[channels - 1] = f64::from(rays[i]);
             }

@@ -178,6 +178,8 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
             cone: angle.to_radians().tan(),
             bounces: options.bounces,
             roulette_after: options.roulette_after,
+            clamp: options.indirect_clamp.map(|limit| limit as f32),
+            albedo: options.outputs.albedo,
             multiple_importance: options.sampling.multiple_importance,
             sampler: sampler(&options.of_view(index)),
             interior,

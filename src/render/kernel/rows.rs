@@ -1,12 +1,14 @@
 //! Converts between the rows of an image and the kernels' pixel values.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use crate::kernel::Seen;
 use crate::render::outputs::Outputs;
 
-/// The channels of an image: radiance, opacity, depth, normal, weights of the objects and the background, rays of a
-/// path.
+/// The channels of an image: radiance, opacity, depth, normal, albedo, weights of the objects and the background, rays
+/// of a path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rows {
     outputs: Outputs,
@@ -41,6 +43,7 @@ impl Rows {
             opacity: o.need_opacity(),
             depth: o.depth,
             normals: o.normals,
+            albedo: o.albedo,
             objects: self.objects.map_or(0, |n| n + 1),
             rays: self.rays,
         }
@@ -49,10 +52,21 @@ impl Rows {
     /// The number of channels.
     pub fn count(&self) -> usize {
         let of_pixel = self.of(&Seen::default(), 1.0).count();
-        of_pixel + self.objects.map_or(0, |n| n + 1) + usize::from(self.rays)
+        of_pixel + self.after_albedo() + 3 * usize::from(self.outputs.albedo)
     }
 
-    /// Returns the channels of a pixel, without weights of objects and rays. `unit` is the kernels' length unit in
+    /// The number of channels after the albedo.
+    fn after_albedo(&self) -> usize {
+        self.objects.map_or(0, |n| n + 1) + usize::from(self.rays)
+    }
+
+    /// The channels of the albedo, if it is an output.
+    pub fn albedo(&self) -> Option<Range<usize>> {
+        let past = self.count() - self.after_albedo();
+        self.outputs.albedo.then(|| past - 3..past)
+    }
+
+    /// Returns the channels of a pixel before the albedo. `unit` is the kernels' length unit in
     /// scene units.
     pub fn of(&self, p: &Seen, unit: f64) -> impl Iterator<Item = f64> {
         let o = self.outputs;
@@ -64,7 +78,8 @@ impl Rows {
         rows.chain(normal.into_iter().flatten())
     }
 
-    /// Converts the derivatives with respect to the channels into derivatives with respect to the pixel's values.
+    /// Converts the derivatives with respect to the channels into derivatives with respect to the pixel's values. The
+    /// albedo and the channels after it have none.
     pub fn upstream(&self, row: impl Fn(usize) -> f64, unit: f64) -> Seen {
         let mut next = 0;
         let mut take = |wanted: bool| {

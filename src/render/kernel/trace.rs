@@ -12,7 +12,7 @@ use super::prepare::Places;
 use super::rows::Rows;
 #[cfg(feature = "gpu")]
 use crate::device::stage;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::{Context, host_values};
 #[cfg(feature = "gpu")]
 use crate::gpu::{Job, Packed, pack};
@@ -64,13 +64,8 @@ pub(super) type Jobs = std::convert::Infallible;
 impl Pass<'_> {
     /// Returns the rows of all pixels of all views with the counts, and the jobs if a GPU ran them.
     pub fn trace(&self, with_gradient: bool) -> Result<(Images, Option<Jobs>)> {
-        if with_gradient
-            && let Some((index, passes)) = self.options.pass
-            && passes > 1
-        {
-            let value = format!("{index} of {passes}");
-            let expected = "none, since the image has gradients";
-            return Err(Error::invalid("options", "pass", value, expected));
+        if with_gradient {
+            self.options.check_gradient()?;
         }
         let all = self.together(0..self.views.len(), self.options.cache.as_ref());
         let share = self.share(self.options.sample_range());

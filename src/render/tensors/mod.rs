@@ -65,6 +65,9 @@ fn render_view(
 ) -> Result<(usize, Traced)> {
     let mut collected = Collect::default();
     visit_tensors(&mut scene.clone(), &mut camera.clone(), &mut collected);
+    if !collected.rows.is_empty() {
+        options.check_gradient()?;
+    }
     let (mut still, mut still_camera) = (scene.clone(), camera.clone());
     visit_tensors(&mut still, &mut still_camera, &mut Detach);
     let host = HostScene::new(&still)?;

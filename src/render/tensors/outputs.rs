@@ -7,7 +7,7 @@ use crate::render::outputs::Outputs;
 use crate::scene::Flattened;
 use crate::tensors::{Group, Radiance};
 
-/// Returns channels `[_, N]`: radiance, opacity, depth, normal, weights of the objects and the background.
+/// Returns channels `[_, N]`: radiance, opacity, depth, normal, albedo, weights of the objects and the background.
 pub(super) fn outputs(scene: &Flattened, outputs: Outputs, found: Radiance) -> Vec<Tensor<2>> {
     let Vec3 { x, y, z } = found.radiance;
     let mut rows = vec![x, y, z];
@@ -25,6 +25,7 @@ pub(super) fn outputs(scene: &Flattened, outputs: Outputs, found: Radiance) -> V
             rows.push(first.mean(turned, None));
         }
     }
+    rows.extend(found.albedo.map(|albedo| albedo.rows()));
     if outputs.object_ids {
         let object = &scene.topology.object;
         for id in 0..scene.objects() as u32 {

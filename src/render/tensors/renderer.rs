@@ -63,6 +63,8 @@ impl<'a> TensorRenderer<'a> {
                 diagnostics: options.diagnostics,
                 bounces: options.bounces,
                 roulette_after: options.roulette_after,
+                indirect_clamp: options.indirect_clamp,
+                albedo: options.outputs.albedo,
                 sampling: options.sampling,
             },
             sight,

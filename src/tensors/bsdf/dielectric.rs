@@ -98,6 +98,10 @@ impl<'a> Dielectric<'a> {
 }
 
 impl TensorBsdf for Dielectric<'_> {
+    fn albedo(&self) -> Vec3 {
+        self.0.first.clone()
+    }
+
     fn evaluate(&self, context: &Context, outgoing: &Vec3) -> Result<Vec3> {
         let t = self.turn(outgoing);
         let v = self.0.visibility(&self.0.points.normal.dot(outgoing).abs());

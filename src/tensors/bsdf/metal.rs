@@ -129,6 +129,13 @@ impl<'a> Metal<'a> {
 }
 
 impl TensorBsdf for Metal<'_> {
+    fn albedo(&self) -> Vec3 {
+        match self.is_conductor() {
+            true => self.fresnel(&self.0.nv.ones_like().detach()),
+            false => self.0.first.clone(),
+        }
+    }
+
     fn evaluate(&self, context: &Context, outgoing: &Vec3) -> Result<Vec3> {
         let half = self.0.view.add(outgoing);
         let nl = self.0.points.normal.dot(outgoing).clamp_min(0.0);

@@ -21,6 +21,9 @@ use phong::Phong;
 
 /// A BSDF at surface points.
 trait TensorBsdf {
+    /// Returns the approximate color of the surfaces, whatever the light and the view.
+    fn albedo(&self) -> Vec3;
+
     /// Returns f(wi, wo)·cos θ_i as planes, 0 where nothing is scattered.
     fn evaluate(&self, context: &Context, outgoing: &Vec3) -> Result<Vec3>;
 
@@ -64,6 +67,16 @@ fn formulas<'a>(
 fn replaced(all: Vec3, row: &Tensor<2>, some: &Vec3) -> Vec3 {
     let which: Tensor<2, Bool> = row.clone().greater_elem(0.5);
     all.zip(some, |a, s| a.mask_where(which.clone(), s))
+}
+
+/// Returns the approximate color of surfaces, whatever the light.
+pub(crate) fn albedo(points: &SurfacePoints, incoming: &Vec3) -> Vec3 {
+    let mut color = Phong { points, incoming }.albedo();
+    for model in &points.models {
+        let own = formulas(points, model, incoming).albedo();
+        color = replaced(color, &model.row, &own);
+    }
+    color
 }
 
 /// Returns f(wi, wo)·cos θ_i as planes, 0 where nothing is scattered. `incoming` is the ray's direction.

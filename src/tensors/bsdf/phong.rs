@@ -41,6 +41,14 @@ impl Phong<'_> {
 }
 
 impl TensorBsdf for Phong<'_> {
+    fn albedo(&self) -> Vec3 {
+        let diffuse = &self.points.parameters[0];
+        match self.gloss() {
+            Some((specular, _)) => diffuse.add(specular),
+            None => diffuse.clone(),
+        }
+    }
+
     fn evaluate(&self, _: &Context, outgoing: &Vec3) -> Result<Vec3> {
         let cosine = cosine(self.points, outgoing);
         let mut f = self.points.parameters[0].scale_by(1.0 / PI);
