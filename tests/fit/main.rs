@@ -9,6 +9,7 @@ mod fit_settings;
 mod large_steps;
 mod losses;
 mod mesh_losses;
+mod mistakes;
 mod module_configs;
 mod module_files;
 mod module_gradients;

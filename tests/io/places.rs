@@ -120,8 +120,9 @@ fn files_have_the_rights_of_new_files() {
     }
     #[cfg(feature = "safetensors")]
     {
-        use softray::modules::{RigidTransform, save_safetensors};
-        let pose = RigidTransform::new(&flex().autodiff());
+        use softray::modules::save_safetensors;
+        let pose = RigidTransformConfig::new().init(&flex().autodiff());
+        let pose = pose.expect("a pose");
         for _ in 0..2 {
             save_safetensors(&pose, folder.path("a.safetensors")).expect("a file");
         }
