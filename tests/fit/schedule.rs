@@ -286,7 +286,10 @@ fn auto_goes_from_the_scene_to_the_pixel() {
     };
     // The box around the ball of radius 0.3 has half a diagonal of √3·0.3, 5 away.
     let schedule = auto(0.3, 1.0, false);
-    near(schedule.at(0), (0.75 * 3f64.sqrt() * 0.3 / 5.0).atan());
+    near(
+        schedule.at(0),
+        (0.75 * 3f64.sqrt() * 0.3 / 5.0).atan().to_degrees(),
+    );
     near(
         schedule.at(75),
         0.5 * pixel_angle(&above(5.0), 64).expect("an angle"),
@@ -300,5 +303,8 @@ fn auto_goes_from_the_scene_to_the_pixel() {
     assert_eq!(speck.at(0), speck.at(75));
     // The wall alone is large: three eighths of half the view.
     let wall = BlurSchedule::auto(&wall(), &above(5.0), 64, steps).expect("a schedule");
-    near(wall.at(0), (0.375 * 30f64.to_radians().tan()).atan());
+    near(
+        wall.at(0),
+        (0.375 * 30f64.to_radians().tan()).atan().to_degrees(),
+    );
 }

@@ -14,6 +14,7 @@ mod gltf_materials;
 mod hostile;
 mod hostile_binary;
 mod mistakes_files;
+mod mistakes_modules;
 mod obj;
 mod pictures;
 mod places;

@@ -1,5 +1,4 @@
-//! Mistakes of somebody who uses this crate for the first time, with files, modules and losses; and what
-//! is only a warning.
+//! Mistakes of somebody who uses this crate for the first time, with files; and what is only a warning.
 
 use std::path::PathBuf;
 
