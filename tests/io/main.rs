@@ -14,7 +14,6 @@ mod gltf_materials;
 mod hostile;
 mod hostile_binary;
 mod mistakes_files;
-mod mistakes_modules;
 mod obj;
 mod pictures;
 mod places;
