@@ -72,8 +72,8 @@ impl Predictor {
         let offsets = self.offsets.forward(tanh(self.hidden.forward(inputs)));
         let count = images.dims()[0] as i32;
         let bodies = bodies(offsets.reshape([count, -1, 3]) * 0.3)?;
-        let [a, b] = view.pair_batch(&bodies, seed)?;
-        Ok(loss::mse_unbiased(a.radiance, b.radiance, images))
+        let [a, b] = view.forward_pair_batch(&bodies, seed)?;
+        loss::mse_unbiased(a.radiance, b.radiance, images)
     }
 }
 

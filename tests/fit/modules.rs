@@ -25,7 +25,7 @@ fn near(found: &[f64], expected: &[f64]) {
 
 /// What modules are made from comes out again.
 #[test]
-fn values_come_back() {
+fn cameras_come_back() {
     let device = Device::flex();
     let camera = Camera::look_at([1.0, 2.0, 3.0], [0.0, 0.5, 0.0])
         .with_up([0.1, 1.0, 0.0])
@@ -41,7 +41,11 @@ fn values_come_back() {
     let lens = back.lens.expect("a lens");
     near(&lens.aperture_radius.values().expect("aperture"), &[0.05]);
     near(&lens.focus_distance.values().expect("focus"), &[3.0]);
+}
 
+#[test]
+fn materials_come_back() {
+    let device = Device::flex();
     let material =
         Material::phong([0.6, 0.3, 0.1], [0.2, 0.1, 0.3], 25.0).with_emission([1.0, 2.0, 3.0]);
     let back = MaterialParams::from_material(&material, &device)
@@ -108,7 +112,11 @@ fn values_come_back() {
     near(&color(tint), &[0.9, 0.5, 0.2]);
     near(&number(ior), &[1.5]);
     near(&number(roughness(&glass)), &[0.2]);
+}
 
+#[test]
+fn maps_come_back() {
+    let device = Device::flex();
     let image = Tensor::<3>::from_data([[[0.1, 0.5, 0.9], [0.25, 0.75, 0.6]]], &device);
     let texture = TextureParams::from_image(&image, &device).expect("a texture");
     near(&values(&texture.texels()), &values(&image));

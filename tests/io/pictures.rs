@@ -10,9 +10,8 @@ use image::{AnimationDecoder, GenericImageView};
 use softray::io::Animation;
 use softray::prelude::*;
 
-#[test]
-fn outputs_are_pictures_and_data() {
-    let folder = Folder::new("outputs");
+/// A view of a batch with all outputs that files hold: a ball beside the middle, of 32 × 24 pixels.
+fn ball_with_outputs() -> Image {
     let device = Device::flex();
     let ball = shapes::icosphere(2, &device);
     let scene = Scene::new()
@@ -28,7 +27,13 @@ fn outputs_are_pictures_and_data() {
         .with_opacity()
         .with_albedo();
     let batch = Batch::new(vec![scene], vec![camera.clone(), camera]).expect("a batch");
-    let image = render_batch(&batch, &options).expect("images").view(1);
+    render_batch(&batch, &options).expect("images").view(1)
+}
+
+#[test]
+fn outputs_are_pictures_and_data() {
+    let folder = Folder::new("outputs");
+    let image = ball_with_outputs();
     for ending in ["png", "exr", "pfm"] {
         let path = |name: &str| folder.path(&format!("{name}.{ending}"));
         image.write(path("radiance")).expect("a file");

@@ -25,19 +25,19 @@ fn messages_say_who_names_a_missing_file() {
     folder.write("a.mtl", "newmtl wood\nmap_Kd wood.png\n");
     let path = folder.write("a.obj", OBJ);
     let of_mtl = ["wood.png: No such file", "a.mtl, material wood"];
-    says(&load(&path), of_mtl);
+    says(load(&path), of_mtl);
     let told = warnings(|| Scene::load(&path, &flex()).expect("a scene"));
     assert_eq!(told.len(), 1);
     says(&told[0], of_mtl);
     let path = folder.write("b.glb", Gltf::textured("wood.png").glb());
     says(
-        &load(&path),
+        load(&path),
         ["wood.png: No such file", "b.glb, images[0].uri"],
     );
     // A damaged file, too.
     folder.write("wood.png", "no picture");
     says(
-        &load(&path),
+        load(&path),
         ["wood.png", "named by", "b.glb, images[0].uri"],
     );
 
@@ -48,7 +48,7 @@ fn messages_say_who_names_a_missing_file() {
     let sky = load(", \"environment\": \"sky.hdr\"");
     says(&sky, ["sky.hdr: No such file", "named by", "s.json"]);
     std::fs::remove_file(folder.path("a.obj")).expect("a file");
-    says(&load(""), ["a.obj: No such file", "named by", "s.json"]);
+    says(load(""), ["a.obj: No such file", "named by", "s.json"]);
 }
 
 /// Files outside of the folder are refused by their names, before the file system looks for them: a look at a file of
@@ -76,7 +76,7 @@ fn places_outside_are_refused_by_name() {
         let sky = format!(", \"environment\": {name:?}");
         let path = folder.write("s.json", scene_file(&sky));
         says(
-            &message(SceneFile::load(path, &flex())),
+            message(SceneFile::load(path, &flex())),
             ["s.json", "lies outside of"],
         );
     }
