@@ -6,21 +6,21 @@
 
 pub(crate) use macro_rules_attribute::{apply, attribute_alias};
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) use burn::cubecl::{self, prelude::*};
 
 attribute_alias! {
     #[apply(record!)] =
-        #[cfg_attr(feature = "wgpu", derive(CubeType, CubeTypeMut), expand(derive(Clone, Copy)))]
+        #[cfg_attr(feature = "gpu", derive(CubeType, CubeTypeMut), expand(derive(Clone, Copy)))]
         #[derive(Clone, Copy, Debug)]
         #[macro_rules_attribute::macro_rules_derive(crate::lanes::lanes)];
     #[apply(zeroed!)] =
-        #[cfg_attr(feature = "wgpu", derive(CubeType, CubeTypeMut, IntoRuntime), expand(derive(Clone, Copy)))]
+        #[cfg_attr(feature = "gpu", derive(CubeType, CubeTypeMut, IntoRuntime), expand(derive(Clone, Copy)))]
         #[derive(Clone, Copy, Debug, Default)]
         #[macro_rules_attribute::macro_rules_derive(crate::lanes::lanes)];
 }
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 attribute_alias! {
     // Arguments of kernels: lists and numbers together.
     #[apply(argument!)] = #[derive(CubeType, CubeLaunch, Clone, Copy)] #[expand(derive(Clone, Copy))];
@@ -29,7 +29,7 @@ attribute_alias! {
 /// Allows a type in fields that are constants of a kernel's compilation (`cube(comptime)`). The type expands to itself.
 macro_rules! known_to_kernels {
     ($type:ty) => {
-        #[cfg(feature = "wgpu")]
+        #[cfg(feature = "gpu")]
         impl IntoExpand for $type {
             type Expand = Self;
 
@@ -38,14 +38,14 @@ macro_rules! known_to_kernels {
             }
         }
 
-        #[cfg(feature = "wgpu")]
+        #[cfg(feature = "gpu")]
         impl Assign for $type {
             fn __expand_assign_method(&mut self, _: &Scope, value: Self) {
                 *self = value;
             }
         }
 
-        #[cfg(feature = "wgpu")]
+        #[cfg(feature = "gpu")]
         impl RuntimeAssign for $type {
             fn init_mut(&self, _: &Scope) -> Self {
                 *self
@@ -56,24 +56,24 @@ macro_rules! known_to_kernels {
 pub(crate) use known_to_kernels;
 
 /// A condition that is evaluated when a kernel is compiled. On the host it is an ordinary condition.
-#[cfg(not(feature = "wgpu"))]
+#[cfg(not(feature = "gpu"))]
 macro_rules! comptime {
     ($condition:expr) => {
         $condition
     };
 }
-#[cfg(not(feature = "wgpu"))]
+#[cfg(not(feature = "gpu"))]
 pub(crate) use comptime;
 
 /// Turns a constant into a variable of a kernel. On the host this returns the value itself.
-#[cfg(not(feature = "wgpu"))]
+#[cfg(not(feature = "gpu"))]
 pub(crate) trait Runtime: Sized {
     fn runtime(self) -> Self {
         self
     }
 }
 
-#[cfg(not(feature = "wgpu"))]
+#[cfg(not(feature = "gpu"))]
 impl<T: Copy> Runtime for T {}
 
 /// Returns `a` if the condition is true, otherwise `b`. Kernels evaluate both without a branch, so neither may fail.
@@ -83,7 +83,7 @@ pub(crate) fn select<T>(condition: bool, a: T, b: T) -> T {
 }
 
 /// The expansion of `select` in kernels.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) mod select {
     pub(crate) use burn::cubecl::prelude::select::expand;
 }

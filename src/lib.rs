@@ -40,7 +40,7 @@ pub mod error;
 #[cfg(feature = "fit")]
 pub mod figure;
 mod geometry;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 mod gpu;
 pub mod gradcheck;
 pub mod io;

@@ -9,19 +9,19 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::LANES;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use crate::cube::*;
 use crate::model::{V3, v3};
 
 /// Returns a number of a branch in a block.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn number(block: &[f32], k: usize, branch: usize) -> f32 {
     block[LANES * k + branch]
 }
 
 /// Returns three numbers of a branch, from number `k` on.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn vector(block: &[f32], k: usize, branch: usize) -> V3 {
     v3(
@@ -39,13 +39,13 @@ pub(crate) fn set<const N: usize>(block: &mut [f32], branch: usize, numbers: [f3
 }
 
 /// Returns one of eight weights, which are stored as bits in words.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn weight(weights: &[u32], i: usize) -> f32 {
     f32::from_bits(weights[i])
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn sum_of(weights: &[u32]) -> f32 {
     let a = weight(weights, 0) + weight(weights, 4);

@@ -1,11 +1,11 @@
 //! Boxes over triangles: how they are built, and refitted to triangles that moved.
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use std::sync::OnceLock;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::build::{Spare, tree};
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use super::gpu::GpuTree;
 use super::triangle::HostTriangle;
 use super::wide::{FEW, Wide};
@@ -13,7 +13,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// The largest number of triangles without a binary tree: GPUs test them one by one, a CPU tests eight at once.
-const WITHOUT: usize = if cfg!(feature = "wgpu") { 8 } else { FEW };
+const WITHOUT: usize = if cfg!(feature = "gpu") { 8 } else { FEW };
 
 /// Boxes over triangles, enclosing their motion over the shutter. There are no boxes if there are so few triangles that
 /// testing each is faster.
@@ -25,10 +25,10 @@ pub(crate) struct Hierarchy {
     /// Whether it contains all triangles. Of many identical triangles, some are left out.
     complete: bool,
     /// The binary tree from which the nodes were made. Its boxes are those of the triangles at that time.
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     built: Option<Arc<obvhs::bvh2::Bvh2>>,
     /// The tree for GPUs, made when it is first needed.
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     for_gpu: OnceLock<Arc<GpuTree>>,
     /// Σ half areas of the boxes when they were built.
     cost: f64,
@@ -51,9 +51,9 @@ impl Hierarchy {
             wide,
             triangles,
             complete,
-            #[cfg(feature = "wgpu")]
+            #[cfg(feature = "gpu")]
             built: nodes.map(Arc::new),
-            #[cfg(feature = "wgpu")]
+            #[cfg(feature = "gpu")]
             for_gpu: OnceLock::new(),
         }
     }
@@ -71,7 +71,7 @@ impl Hierarchy {
         if alike {
             self.wide.fit(&self.triangles, extent(&self.triangles));
             if self.wide.cost() <= 1.5 * self.cost {
-                #[cfg(feature = "wgpu")]
+                #[cfg(feature = "gpu")]
                 if let Some(last) = self.for_gpu.take() {
                     let mut tree = Arc::unwrap_or_clone(last);
                     tree.fit(&self.triangles);
@@ -85,7 +85,7 @@ impl Hierarchy {
     }
 
     /// Returns the tree that GPUs traverse. It has no nodes if there are few triangles.
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     pub(crate) fn for_gpu(&self) -> Arc<GpuTree> {
         if let Some(tree) = self.for_gpu.get() {
             return tree.clone();

@@ -5,7 +5,7 @@ mod build;
 mod candidates;
 pub(crate) mod eights;
 mod gather;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 mod gpu;
 mod hierarchy;
 mod hits;
@@ -19,12 +19,12 @@ mod wide;
 
 pub(crate) use build::Spare;
 pub(crate) use candidates::{Counts, Reach};
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) use gpu::{CHILD, GpuTree, LEAF, OTHERS, hit_stride};
 pub(crate) use hierarchy::{Hierarchy, LastHierarchy};
 pub(crate) use overlaps::Overlaps;
 pub(crate) use rays::{Hit, HitRay, NOTHING};
 pub(crate) use simd::{LANES, Machine, Task, dispatch, stage};
 pub(crate) use triangle::HostTriangle;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) use wide::ROUNDING;

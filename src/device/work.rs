@@ -67,13 +67,13 @@ fn lock() -> MutexGuard<'static, Work> {
 }
 
 /// Counts a kernel launch.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) fn count_launch() {
     lock().launches += 1;
 }
 
 /// Counts an upload to a GPU.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) fn count_upload(bytes: usize) {
     let mut work = lock();
     work.uploads += 1;
@@ -81,7 +81,7 @@ pub(crate) fn count_upload(bytes: usize) {
 }
 
 /// Counts searches for edges from points, which are in the order of their threads.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) fn count_searches(of_points: &[u32]) {
     const WARP: usize = 32;
     let lanes = |warp: &[u32]| (WARP as u32 * warp.iter().max().unwrap_or(&0)) as u64;
@@ -164,7 +164,7 @@ pub(crate) fn stage<T>(name: &'static str, run: impl FnOnce() -> T) -> T {
 }
 
 /// Launches a kernel. If stages are measured, the host waits for the device before and after, and adds the time.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) fn kernel(name: &'static str, launch: impl FnOnce(), wait: impl Fn()) {
     if stages().is_none() {
         return launch();

@@ -24,13 +24,13 @@ mod tests;
 mod view;
 mod walk;
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) use boundary::Piece;
 pub(crate) use boundary::{FilmEdges, PixelGradients};
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) use edges::{DrawnEdge, LEAF, NO_EDGE, Root, draw_edge, put_edge};
 pub(crate) use edges::{EdgeSets, LastEdges};
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) use gradient::Rows;
 pub(crate) use gradient::{HostSums, Wanted};
 pub(crate) use scene::KernelScene;

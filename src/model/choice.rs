@@ -33,7 +33,7 @@ pub(crate) const INFINITY: u32 = 0x7f80_0000;
 
 /// Returns whether a sum of weights is above 0 and finite. It tests the bits, since shader compilers may assume that
 /// all floats are finite.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn is_positive(x: f32) -> bool {
     let bits = x.to_bits();
@@ -41,7 +41,7 @@ pub(crate) fn is_positive(x: f32) -> bool {
 }
 
 /// Makes the number u. `other`, an independent number, distinguishes the hashes of samples with the same u.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn decided_by(u: f32, other: f32) -> Uniform {
     Uniform {
@@ -51,7 +51,7 @@ pub(crate) fn decided_by(u: f32, other: f32) -> Uniform {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Uniform {
     /// Decides whether an event with probability `chance` happens.
     #[inline(always)]
@@ -82,7 +82,7 @@ impl Uniform {
 }
 
 /// Returns the survival probability of a path for its throughput (Russian roulette).
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn survival(throughput: V3) -> f32 {
     throughput.max_element().max(0.05).min(1.0)

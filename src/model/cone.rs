@@ -20,7 +20,7 @@ pub(crate) struct Bend {
 
 /// Returns the offset, perpendicular to a unit axis, of a direction of the cone about it. `tangent` is the tangent of
 /// the half-angle; axis plus offset is not yet of unit length.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn cone_offset(axis: V3, tangent: f32, u: f32, v: f32) -> V3 {
     let p = disk_kernel(u, v);
@@ -29,7 +29,7 @@ fn cone_offset(axis: V3, tangent: f32, u: f32, v: f32) -> V3 {
 }
 
 /// Samples a ray of a cone, and mirrors it to the outer side of the surface that it leaves.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn bend(axis: V3, normal: V3, tangent: f32, u: f32, v: f32) -> Bend {
     let mut offset = splat(0.0);
@@ -51,7 +51,7 @@ pub(crate) fn bend(axis: V3, normal: V3, tangent: f32, u: f32, v: f32) -> Bend {
 
 /// Returns the solid-angle density with which rays about `axis` have the direction `to`. It equals the density with
 /// which rays about `to` have the direction `axis`. `tangent` must be more than 0.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn cone_density(axis: V3, to: V3, tangent: f32) -> f32 {
     let along = axis.dot(to);
@@ -66,7 +66,7 @@ pub(crate) fn cone_density(axis: V3, to: V3, tangent: f32) -> f32 {
 }
 
 /// Turns derivatives with respect to a ray of a cone into those with respect to the cone's axis, at a fixed offset.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn bend_backward(bend: &Bend, axis: V3, normal: V3, g: V3, by_normal: &mut V3) -> V3 {
     let mut by_axis = g;
@@ -86,7 +86,7 @@ pub(crate) fn bend_backward(bend: &Bend, axis: V3, normal: V3, g: V3, by_normal:
 }
 
 /// Returns cosine and sine of the half-angle of a cone, less than 180°, widened by an angle given by its tangent.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn widened(half: SinCos, tangent: f32) -> SinCos {
     let wide = (1.0 + tangent * tangent).sqrt();
@@ -105,7 +105,7 @@ const END: f32 = 2e-6;
 const GRAZING: f32 = -1e-6;
 
 /// Returns the start of rays that leave a surface point on the side of a normal.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn lifted(position: V3, normal: V3) -> V3 {
     position + normal * (LIFT * (0.1 + position.abs().max_element()))
@@ -113,7 +113,7 @@ pub(crate) fn lifted(position: V3, normal: V3) -> V3 {
 
 /// Returns the distance at which a ray reaches the plane through a light, less a margin for rounding. It is not
 /// positive if the ray starts behind that plane, as a ray that enters glass does for the plane of its own surface.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn up_to_plane(start: V3, direction: V3, normal: V3, light: V3) -> f32 {
     let cosine = normal.dot(direction);

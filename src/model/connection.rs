@@ -55,7 +55,7 @@ pub(crate) struct Arrived {
 }
 
 /// Returns the absence of a connection, for a surface point.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn no_connection(position: V3) -> Connection {
     Connection {
@@ -68,7 +68,7 @@ pub(crate) fn no_connection(position: V3) -> Connection {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Target {
     /// Returns a target from which nothing arrives.
     #[inline(always)]

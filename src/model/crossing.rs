@@ -6,7 +6,7 @@ use super::triangle::Triangle;
 use crate::cube::*;
 
 /// Returns the largest absolute coordinate of a triangle's corners.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn size(t: &Triangle) -> f32 {
     let a = t.a.abs().max_element();
@@ -24,7 +24,7 @@ struct Segment {
     ends: u32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Segment {
     /// Processes one side of a triangle, whose ends p and q have the signed distances `above` and `below` from a
     /// plane.
@@ -48,7 +48,7 @@ impl Segment {
 
 /// Returns the segment in which triangle `t` intersects the plane of triangle `of`, if it crosses by more than a
 /// tolerance.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn through_plane(t: &Triangle, of: &Triangle, along: V3, tolerance: f32) -> Segment {
     let mut found = Segment::default();
@@ -82,7 +82,7 @@ pub(crate) struct Line {
 }
 
 /// Returns the segment in which two triangles intersect, if they do so by more than rounding errors.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn line_of_crossing(t: &Triangle, s: &Triangle) -> Line {
     let tolerance = TOUCHING * size(t).max(size(s)).max(0.1);

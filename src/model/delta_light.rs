@@ -52,7 +52,7 @@ const SPOT: u32 = LightKind::Spot as u32;
 const DIRECTIONAL: u32 = LightKind::Directional as u32;
 
 /// Reads light `i` from a list of floats, in the order of the fields, and a list of kinds.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn delta_light_at(numbers: &[f32], kinds: &[u32], i: u32) -> DeltaLight {
     let list = &numbers[11 * i as usize..];
@@ -140,7 +140,7 @@ impl DeltaLight {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl DeltaLight {
     #[inline(always)]
     pub fn is_directional(&self) -> bool {

@@ -25,7 +25,7 @@ pub(crate) struct DirectionEdge {
 /// The roles of ω and q are exchanged: the edge's point P is seen along u = r/|r|, and ω is sampled about u with the
 /// density that K(q) has about ω. The ratio of the densities is cos³ of the angle between u and ω. `r` is P − x, and
 /// `edge` is dP/dλ. Offsets perpendicular to ω are constant in its frame. If ω = u there is no blur.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn direction_edge(r: V3, edge: V3, axis: V3) -> DirectionEdge {
     let s = r.dot(axis);
@@ -50,7 +50,7 @@ pub(crate) struct DirectionJump {
     mirrored: bool,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn mirrored(v: V3, normal: V3) -> V3 {
     v - normal * (2.0 * v.dot(normal))
@@ -58,7 +58,7 @@ pub(crate) fn mirrored(v: V3, normal: V3) -> V3 {
 
 /// Returns the motion of the image of an edge's point at `r` from the surface point that sees it; `normal` is the
 /// surface normal.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn direction_jump(r: V3, along: V3, bend: &Bend, normal: V3) -> DirectionJump {
     // A mirrored axis sees the mirror image of the edge.
@@ -73,7 +73,7 @@ pub(crate) fn direction_jump(r: V3, along: V3, bend: &Bend, normal: V3) -> Direc
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl DirectionJump {
     /// Returns the derivative with respect to r, times a jump `scale`; adds the derivative with respect to the
     /// normal.
@@ -95,7 +95,7 @@ impl DirectionJump {
 /// `inward` points from the edge into the triangle, in its plane. `view` is the direction in which the edge's point
 /// is seen. `side` points across the edge's image. Of the result, x is > 0 if the half-plane lies toward `side`, and
 /// y is the depth gained along `view` per unit of |x|.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn half_plane(inward: V3, edge: V3, view: V3, side: V3) -> V2 {
     let across = edge.reject_from_normalized(view);
@@ -110,7 +110,7 @@ pub(crate) const TOUCHING: f32 = 4e-6;
 /// Returns whether a point `place`, at the vector `to` from a surface point, lies above the surface plane, on the
 /// side on which rays to it leave. In that plane surfaces are seen edge-on and rays of a cone are mirrored, so
 /// nothing jumps there.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn is_above(shading: &Shading, to: V3, place: V3) -> bool {
     to.dot(shading.outer(to)) > TOUCHING * (0.1 + place.abs().max_element())

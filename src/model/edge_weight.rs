@@ -75,7 +75,7 @@ pub(crate) const FOLD: u32 = 0;
 pub(crate) const BORDER: u32 = 1;
 pub(crate) const CROSSING: u32 = 2;
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Jumps {
     /// Returns the jumps of an edge of a kind. `crease` bounds the jump of color where both faces are seen, and
     /// `closed` is true for an edge of a closed object.
@@ -112,7 +112,7 @@ impl Jumps {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Query {
     /// Returns approximately cosⁿ of the angle to the axis.
     #[inline(always)]
@@ -126,7 +126,7 @@ impl Query {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Subtree {
     /// Returns its estimate. A traversal enters subtrees that are seen under an angle whose sine is at least `large`.
     #[inline(always)]
@@ -184,7 +184,7 @@ struct Span {
     rise: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl SeenEdge {
     /// Returns the estimated contribution for a jump at the edge, 0 only if there is none, in the cone of a query
     /// that is narrower than a half-space.

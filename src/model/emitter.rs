@@ -16,7 +16,7 @@ pub(crate) struct FrontHit {
 }
 
 /// Intersects a ray from x with the front of a triangle.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn hit_front(
     a: V3,
@@ -65,7 +65,7 @@ pub(crate) struct LightGradient {
     pub area: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl LightPoint {
     /// Makes the point from the vector to it and the normal of the emitter's front.
     #[inline(always)]
@@ -111,7 +111,7 @@ impl LightPoint {
 
 /// Returns the divisor of a sample if two strategies with densities a and b are combined by the power heuristic
 /// (Veach and Guibas 1995): the weight w₁ = p₁²/(p₁² + p₂²) makes the divisor (p₁² + p₂²)/p₁.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn power_heuristic(a: f32, b: f32, is_b: bool) -> f32 {
     let mut own = a;

@@ -22,7 +22,7 @@ pub(crate) const MOST: u32 = 1_000_000_000;
 ///
 /// This is one sample for two paths, or for four if a pixel has few ([`FEW_SAMPLES`]). It is at least 1024 samples,
 /// or eight per path if that is less; so few samples take no noticeable time.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 pub(crate) fn samples_of_film(pixels: u32, samples: u32) -> u32 {
     // The product would overflow otherwise.
     if pixels as f32 * samples as f32 <= 4.0e9 {
@@ -42,7 +42,7 @@ pub(crate) struct DrawnPiece {
     pub share: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl DrawnPiece {
     /// Samples a point uniformly on the piece, which extends over λ in [from, to] of its edge. `total` is the sum of
     /// all weights.
@@ -60,7 +60,7 @@ impl DrawnPiece {
 ///
 /// The running sums within blocks are stored `stride` apart from `first` on, the running sums over blocks from
 /// `first_block` on.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn draw_piece(
     sums: &[f32],

@@ -7,7 +7,7 @@ use super::{V2, v2};
 use crate::cube::*;
 
 /// Samples the unit disk with density 3/π·(1 − r²)², the kernel of a ray cone.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn disk_kernel(u: f32, v: f32) -> V2 {
     // The cumulative distribution in r is 1 − (1 − r²)³.
@@ -18,7 +18,7 @@ pub(crate) fn disk_kernel(u: f32, v: f32) -> V2 {
 }
 
 /// Maps a pair of uniform numbers to a uniformly distributed point of the unit disk.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn uniform_disk(u: f32, v: f32) -> V2 {
     let turn = sin_cos_of_turns(v);
@@ -26,7 +26,7 @@ pub(crate) fn uniform_disk(u: f32, v: f32) -> V2 {
 }
 
 /// Returns the cube root of a non-negative number: an initial guess from its bits, then two steps of Halley's method.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn cube_root(x: f32) -> f32 {
     let least = x.max(1e-30);
@@ -41,7 +41,7 @@ fn cube_root(x: f32) -> f32 {
 }
 
 /// Samples [−1, 1] with density 15/16·(1 − x²)², the kernel of the pixel filter along each axis.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn film_kernel(u: f32) -> f32 {
     // Newton's method for y = 1 − |x| with y³ (20 − 15 y + 3 y²)/16 = min(u, 1 − u). It solves for the cube root of
@@ -147,7 +147,7 @@ impl Filters {
 }
 
 /// [`PixelFilter::sample`] with a table that starts at index `table` of a list.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn sample_filter(list: &[f32], table: usize, u: f32) -> f32 {
     let place = filter_place(u);
@@ -155,21 +155,21 @@ pub(crate) fn sample_filter(list: &[f32], table: usize, u: f32) -> f32 {
 }
 
 /// Returns the fractional index into the filter's table for a uniform number.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn filter_place(u: f32) -> f32 {
     (2.0 * u.min(1.0 - u)).sqrt().sqrt() * ENTRIES as f32
 }
 
 /// Returns the index of the table entry before a fractional index.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn entry_before(place: f32) -> f32 {
     place.floor().min((ENTRIES - 1) as f32)
 }
 
 /// Returns the two entries around a fractional index into the table, which starts at index `table` of a list.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn filter_entries(list: &[f32], table: usize, place: f32) -> V2 {
     let i = table + entry_before(place) as usize;
@@ -178,7 +178,7 @@ pub(crate) fn filter_entries(list: &[f32], table: usize, place: f32) -> V2 {
 }
 
 /// Interpolates between two table entries; `u` selects the half, and with it the sign.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn filter_between(entries: V2, place: f32, u: f32) -> f32 {
     let x = entries.x + (entries.y - entries.x) * (place - entry_before(place));
@@ -190,7 +190,7 @@ pub(crate) fn filter_between(entries: V2, place: f32, u: f32) -> f32 {
 /// The point is the sum of a point of the box and r κ, with κ from [`film_kernel`]. So the derivative is the mean of
 /// κ over all such sums that equal this point, that is over κ in [(x − ½)/r, (x + ½)/r]. The quadrature is exact for
 /// the polynomials of the kernel.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn filter_by_radius(x: f32, radius: f32) -> f32 {
     let low = ((x - 0.5) / radius).max(-1.0);

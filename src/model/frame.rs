@@ -13,13 +13,13 @@ pub(crate) struct Frame {
 }
 
 /// Returns 1 with the sign of a number; −0 counts as 0, as everywhere else.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn sign_of(z: f32) -> f32 {
     select(z < 0.0, -1.0f32, 1.0f32)
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn frame(axis: V3) -> Frame {
     let sign = sign_of(axis.z);
@@ -32,7 +32,7 @@ pub(crate) fn frame(axis: V3) -> Frame {
 }
 
 /// Rotates a local direction so that z lies along a unit axis.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn from_local(axis: V3, local: V3) -> V3 {
     let f = frame(axis);
@@ -40,7 +40,7 @@ pub(crate) fn from_local(axis: V3, local: V3) -> V3 {
 }
 
 /// Returns the local coordinates of a direction in the frame of a unit axis.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn to_local(axis: V3, direction: V3) -> V3 {
     let f = frame(axis);
@@ -59,7 +59,7 @@ pub(crate) struct FromLocalGradient {
 }
 
 /// The backward pass of [`from_local`].
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn from_local_backward(axis: V3, local: V3, g: V3) -> FromLocalGradient {
     let sign = sign_of(axis.z);
@@ -97,7 +97,7 @@ const COS_8: f32 = 1.0 / 40320.0;
 const COS_10: f32 = -1.0 / 3_628_800.0;
 
 /// Returns sine and cosine of a number of turns in [0, 1].
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn sin_cos_of_turns(v: f32) -> SinCos {
     // Reduce to the nearest quarter turn; series for the remaining angle of at most 45° are exact to rounding.
@@ -121,7 +121,7 @@ pub(crate) fn sin_cos_of_turns(v: f32) -> SinCos {
 }
 
 /// Returns the arctangent, accurate to rounding (Cephes).
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn arc_tangent(tangent: f32) -> f32 {
     let size = tangent.abs();
@@ -141,7 +141,7 @@ pub(crate) fn arc_tangent(tangent: f32) -> f32 {
 }
 
 /// Returns the angle from the x axis to a point (x, y), in (−π, π]; 0 at the origin.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn arc_tangent_of(y: f32, x: f32) -> f32 {
     let mut angle = arc_tangent(y / x);

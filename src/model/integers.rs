@@ -11,7 +11,7 @@ macro_rules! modulo {
             a.$on_host(b)
         }
 
-        #[cfg(feature = "wgpu")]
+        #[cfg(feature = "gpu")]
         pub(crate) mod $name {
             use super::*;
 
@@ -27,7 +27,7 @@ modulo!(product, wrapping_mul, __expand_mul_method);
 modulo!(total, wrapping_add, __expand_add_method);
 
 /// Hashes 32 bits by a permutation in which each output bit depends on all input bits (lowbias32, Wellons 2018).
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn hashed(x: u32) -> u32 {
     let a = product(x ^ (x >> 16), 0x7feb_352du32);
@@ -44,7 +44,7 @@ pub(crate) struct Wide {
 }
 
 /// Makes a [`Wide`] from two words.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn wide(low: u32, high: u32) -> Wide {
     Wide { low, high }
@@ -64,7 +64,7 @@ impl From<Wide> for u64 {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Wide {
     #[inline(always)]
     pub fn xor(self, o: Wide) -> Wide {
@@ -98,7 +98,7 @@ pub(crate) fn mixed(x: Wide) -> Wide {
 }
 
 /// The same in a kernel, in 32-bit words.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) mod mixed {
     use super::*;
 
@@ -149,7 +149,7 @@ pub(crate) mod mixed {
 }
 
 /// Interleaves the bits of x and y: the Morton code, which is the position of a point on a Z-order curve.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn morton(x: u32, y: u32) -> Wide {
     wide(
@@ -159,7 +159,7 @@ pub(crate) fn morton(x: u32, y: u32) -> Wide {
 }
 
 /// Inserts a zero before each bit of a number below 2¹⁶.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn spread(v: u32) -> u32 {
     let a = (v | (v << 8)) & 0x00ff_00ff;
@@ -182,7 +182,7 @@ mod tests {
         }
     }
 
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     #[test]
     fn words_mix_as_numbers_do() {
         let mut x = 1u64;

@@ -28,7 +28,7 @@ const NOTHING: u32 = u32::MAX;
 
 /// Returns the importance of a point: the channel sum of the derivative that it carries, over the typical one of a
 /// camera ray.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn counts_of(carried: V3, typical: f32) -> f32 {
     carried.abs().element_sum() / typical
@@ -36,7 +36,7 @@ pub(crate) fn counts_of(carried: V3, typical: f32) -> f32 {
 
 /// Returns the default mean number of searches by a point as important as an average camera ray, for log₂ of the
 /// samples per pixel.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn usual_searches(of_light: bool, samples_log: u32) -> f32 {
     let rate = select(of_light, OF_SHADOWS, OF_REFLECTED);
@@ -45,14 +45,14 @@ pub(crate) fn usual_searches(of_light: bool, samples_log: u32) -> f32 {
 
 /// Returns the mean number of searches by a point of importance `counts`. `usual` is the mean number for an average
 /// camera ray.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn mean_searches(usual: f32, counts: f32) -> f32 {
     usual * counts.max(LEAST)
 }
 
 /// Returns the maximum number of searches by a point with this mean number.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn most_searches(mean: f32) -> u32 {
     mean.min(MOST_SEARCHES).ceil() as u32
@@ -60,7 +60,7 @@ pub(crate) fn most_searches(mean: f32) -> u32 {
 
 /// Returns the query in the cone of a group of emitters, widened by the cone of rays, or over the hemisphere if that
 /// cone is wider. `to` is the vector to the center of the group.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn towards_group(
     shading: &Shading,
@@ -92,7 +92,7 @@ pub(crate) fn towards_group(
 }
 
 /// Returns the query in the cone of rays about the direction to a delta light.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn towards_light(x: V3, time: f32, axis: V3, tangent: f32) -> Query {
     let half = widened(SinCos { sin: 0.0, cos: 1.0 }, tangent);
@@ -120,7 +120,7 @@ pub(crate) struct LobeSearch {
 }
 
 /// Returns the search for a uniform number, which chooses the lobe and its part; the remainder is uniform again.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn of_lobe(
     shading: &Shading,
@@ -169,7 +169,7 @@ pub(crate) struct Sides {
     least_plus: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Sides {
     /// Returns the sides of an edge without faces; the + side lies toward `side`.
     #[inline(always)]
@@ -211,7 +211,7 @@ impl Sides {
 }
 
 /// Returns the distance of a point beside an edge from the edge's point.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn beside(position: V3) -> f32 {
     BESIDE * (0.1 + position.abs().max_element())
@@ -219,7 +219,7 @@ fn beside(position: V3) -> f32 {
 
 /// Returns a point beside an edge's point, in the face that `inward` points into. It is so far inside that no ray
 /// from it hits the other faces of the edge by rounding.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn inside(position: V3, inward: V3) -> V3 {
     let step = (beside(position) / inward.length().max(1e-37)).min(0.1);
@@ -227,7 +227,7 @@ pub(crate) fn inside(position: V3, inward: V3) -> V3 {
 }
 
 /// Returns the direction of the half of a face that lies on a side of the line in which it crosses another face.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn half_beside(normal: V3, along: V3, across: V3) -> V3 {
     let half = normal.cross(along);
@@ -236,7 +236,7 @@ pub(crate) fn half_beside(normal: V3, along: V3, across: V3) -> V3 {
 
 /// Returns, of three vectors from a point of a line to the corners of a face, the vector that ends farthest from the
 /// line.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn farthest(a: V3, b: V3, c: V3, along: V3) -> V3 {
     let far_a = a.cross(along).length_squared();
@@ -248,7 +248,7 @@ pub(crate) fn farthest(a: V3, b: V3, c: V3, along: V3) -> V3 {
 
 /// Returns the derivative of g·P with respect to the motion of a plane along its normal. P is a point of the line in
 /// which the plane crosses another: n₁·dP and n₂·dP are the motions of the planes.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn by_crossing_plane(normal: V3, other: V3, g: V3) -> V3 {
     let cosine = normal.dot(other);

@@ -29,7 +29,7 @@ const SPREAD: f32 = 0.25;
 /// mean of 1/r² over a box is six times that at the corners.
 const INSIDE: f32 = 0.125;
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Axes {
     /// Returns approximately the mean of max(n·d, 0) = (n·d + |n·d|)/2, as (a·d + √(dᵀM d))/2, which is never below
     /// the mean. `spread` is the squared spread of the directions.
@@ -43,7 +43,7 @@ impl Axes {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Sphere {
     /// Returns the approximate irradiance at a point with a normal due to the group.
     #[inline(always)]

@@ -1,11 +1,11 @@
 //! Reading vectors from flat lists, and binary search in increasing values.
 
 use super::{V3, v3};
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use crate::cube::*;
 
 /// Returns the vector stored at index `at` of a list.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn vector(list: &[f32], at: u32) -> V3 {
     let i = at as usize;
@@ -17,7 +17,7 @@ pub(crate) fn vector(list: &[f32], at: u32) -> V3 {
 
 /// Returns the index of the first value larger than `value` among `count` increasing values, which are stored
 /// `stride` apart from index `first` on. Returns the last index if no value is larger.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn first_over(list: &[f32], first: u32, count: u32, stride: u32, value: f32) -> u32 {
     let mut low = 0u32;

@@ -27,7 +27,7 @@ pub(crate) struct TiltGradient {
     pub texel: V3,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Tilt {
     /// Returns the component of the tangent perpendicular to the normal.
     #[inline(always)]

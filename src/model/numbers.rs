@@ -1,34 +1,34 @@
 //! Tests on the bits of floats that may be infinite or NaN. Shader compilers may assume that all floats are finite.
 //! In shaders `NaN != 0.0` is false, since `!=` is compiled into an ordered comparison.
 
-#![cfg_attr(not(feature = "wgpu"), allow(dead_code, reason = "kernels use them"))]
+#![cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "kernels use them"))]
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use crate::cube::*;
 use crate::model::choice::INFINITY;
 
 /// Returns the bits of |x|, which are ordered as the numbers are. The bits of NaN are above all others.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn magnitude(x: f32) -> u32 {
     x.to_bits() & 0x7fff_ffff
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn is_finite(x: f32) -> bool {
     magnitude(x) < INFINITY
 }
 
 /// Returns whether `x` is not 0; true for NaN.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn is_nonzero(x: f32) -> bool {
     magnitude(x) > 0
 }
 
 /// Returns NaN, made from the bits of any number, since WGSL has no NaN constant.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn not_a_number(any: f32) -> f32 {
     f32::from_bits(any.to_bits() | 0x7fc0_0000)

@@ -34,7 +34,7 @@ pub(crate) fn clip_linear([from, to]: [f32; 2], f: f32, g: f32) -> [f32; 2] {
 
 /// Returns the part of a segment a + λe that lies inside a cone about `axis` with its apex at the origin. `cos` is
 /// the cosine of the half-angle, which is at most 90°.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Part {
     let p = a.dot(axis);
@@ -71,7 +71,7 @@ pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Part {
 
 /// Samples a point on part of a segment, uniformly in the angle seen from the origin, for a uniform number `u`.
 /// `per_density` is 0 for a segment that is seen end-on.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn point_by_angle(a: V3, e: V3, part: Part, u: f32) -> OnSegment {
     let squared = e.length_squared();

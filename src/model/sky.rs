@@ -57,7 +57,7 @@ pub(crate) struct Map {
     pub height: u32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Map {
     /// Returns column and row of a direction, in texels.
     #[inline(always)]
@@ -121,7 +121,7 @@ impl Map {
 }
 
 /// Returns the position of a value between entries k − 1 and k of a list, 0 … 1.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn between(list: &[f32], first: u32, k: u32, value: f32) -> f32 {
     let mut before = 0.0f32;

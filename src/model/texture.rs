@@ -45,7 +45,7 @@ pub(crate) struct Cell {
     pub y: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Cell {
     /// Returns texel `k` of the cell, 0 … 3; [`Cell::share`] is its bilinear weight at the point.
     #[inline(always)]
@@ -108,7 +108,7 @@ const MIRROR: u32 = Wrap::Mirror as u32;
 pub(crate) const AROUND: u32 = 3;
 
 /// Returns the column or row for any integer under a wrap mode.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn wrapped(i: i32, size: u32, wrap: u32) -> u32 {
     let n = size as i32;
@@ -133,7 +133,7 @@ pub(crate) struct Texture {
     pub wrap: u32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Texture {
     /// Returns the cell of a point in texels, whose centers are at integers.
     #[inline(always)]
@@ -191,7 +191,7 @@ impl Texture {
 }
 
 /// Reads the image whose words start at index `at`.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn texture_at(words: &[u32], at: u32) -> Texture {
     let i = at as usize;
@@ -205,7 +205,7 @@ pub(crate) fn texture_at(words: &[u32], at: u32) -> Texture {
 }
 
 /// The alpha masks of triangles.
-#[cfg_attr(feature = "wgpu", derive(CubeType))]
+#[cfg_attr(feature = "gpu", derive(CubeType))]
 #[derive(Clone, Copy)]
 pub(crate) struct Masks<'a> {
     /// The index of each triangle among the triangles with a mask, `u32::MAX` for a triangle without one.
@@ -217,7 +217,7 @@ pub(crate) struct Masks<'a> {
     pub alphas: &'a [f32],
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl<'a> Masks<'a> {
     /// Returns whether a triangle has a hole at the point with these barycentric weights.
     #[inline(always)]

@@ -31,7 +31,7 @@ const PLANE: usize = 9;
 pub(crate) const AREA: usize = 13;
 
 /// Reads triangle `k` from a list.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn triangle_at(triangles: &[f32], k: u32) -> Triangle {
     let list = &triangles[NUMBERS * k as usize..];
@@ -48,14 +48,14 @@ pub(crate) fn triangle_at(triangles: &[f32], k: u32) -> Triangle {
 }
 
 /// Returns whether rays can hit a triangle of this area: it is neither infinite nor so small that it has no inverse.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn has_area(area: f32) -> bool {
     area > 1e-35 && area <= f32::MAX
 }
 
 /// Reads the plane of triangle `k` from a list.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn plane_at(triangles: &[f32], k: u32) -> Plane {
     let at = NUMBERS * k as usize + PLANE;
@@ -67,7 +67,7 @@ pub(crate) fn plane_at(triangles: &[f32], k: u32) -> Plane {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Plane {
     /// Returns the signed distance of a point from the plane.
     #[inline(always)]
@@ -82,7 +82,7 @@ impl Triangle {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Triangle {
     /// Returns the triangle translated by a vector.
     #[inline(always)]
@@ -144,7 +144,7 @@ impl Triangle {
 
 /// Returns the barycentric weights of a point of a triangle's plane. No length is squared, so triangles may be tiny
 /// or huge.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn weights_at(a: V3, b: V3, c: V3, normal: V3, area: f32, point: V3) -> V3 {
     let ab = b - a;
@@ -157,7 +157,7 @@ pub(crate) fn weights_at(a: V3, b: V3, c: V3, normal: V3, area: f32, point: V3) 
 }
 
 /// Returns the solid angle of a triangle seen from a point, negative from behind (Van Oosterom and Strackee 1983).
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn solid_angle(first: V3, second: V3, third: V3, from: V3) -> f32 {
     let a = first - from;
@@ -175,14 +175,14 @@ pub(crate) fn solid_angle(first: V3, second: V3, third: V3, from: V3) -> f32 {
 ///
 /// From n·d dt = n·(Σ wᵢ dvᵢ − do − t dd), at fixed weights wᵢ, follow the derivatives: corner i receives wᵢ times
 /// this vector, the ray origin g minus it, and the ray direction t times the derivative of the origin.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn hit_backward(normal: V3, direction: V3, g: V3) -> V3 {
     normal * (g.dot(direction) / normal.dot(direction))
 }
 
 /// Maps two uniform numbers to barycentric weights of the second and third corner, with density 1/area.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn uniform_point(u: f32, v: f32) -> V2 {
     let root = u.sqrt();

@@ -33,21 +33,21 @@ pub(crate) struct Pair {
 }
 
 /// Makes a vector from its components.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) const fn v2(x: f32, y: f32) -> V2 {
     V2 { x, y }
 }
 
 /// Makes a vector from its components.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) const fn v3(x: f32, y: f32, z: f32) -> V3 {
     V3 { x, y, z }
 }
 
 /// Returns `a` if the condition holds, otherwise `b`, without a branch.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn select_vector(condition: bool, a: V3, b: V3) -> V3 {
     v3(
@@ -58,7 +58,7 @@ pub(crate) fn select_vector(condition: bool, a: V3, b: V3) -> V3 {
 }
 
 /// Returns a vector of three equal components.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) const fn splat(x: f32) -> V3 {
     V3 { x, y: x, z: x }
@@ -81,7 +81,7 @@ impl V3 {
 }
 
 // The kernel language resolves operators by these method names.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[allow(clippy::should_implement_trait)]
 impl V3 {
     #[inline(always)]
@@ -196,7 +196,7 @@ impl V3 {
 }
 
 /// Returns component `k` of a vector.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn component(v: V3, k: u32) -> f32 {
     let mut found = v.x;

@@ -20,7 +20,7 @@ use crate::scene::Constants;
 pub struct HierarchyCache {
     scenes: Arc<Mutex<Vec<LastScene>>>,
     constants: Arc<Mutex<Constants>>,
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     pub(super) buffers: crate::gpu::LastBuffers,
 }
 

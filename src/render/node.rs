@@ -6,7 +6,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use burn::backend::Cube;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
@@ -19,14 +19,14 @@ use burn::tensor::{DType, Device, Tensor, TensorData};
 use crate::device::count_read_back;
 
 type OnHost = dyn Fn(&TensorData) -> Vec<f64> + Send + Sync;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 type OnGpu = dyn Fn(&FloatTensor<Cube>) -> FloatTensor<Cube> + Send + Sync;
 
 /// A function from the upstream gradient of the output `[R, C]` to the gradient of the parameters `[N]`.
 pub(super) enum Derivative {
     Host(Box<OnHost>),
     /// For an image on a GPU. Its gradient stays there.
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     Gpu(Box<OnGpu>),
 }
 
@@ -51,7 +51,7 @@ pub(super) trait ImageGradient: Backend {
     fn gradient(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
         match &*derivative.of {
             Derivative::Host(of) => by_host::<Self>(upstream, of, derivative),
-            #[cfg(feature = "wgpu")]
+            #[cfg(feature = "gpu")]
             Derivative::Gpu(_) => unreachable!("the image of a GPU lies there"),
         }
     }
@@ -77,7 +77,7 @@ impl ImageGradient for burn::backend::Flex {}
 #[cfg(feature = "ndarray")]
 impl ImageGradient for burn::backend::NdArray {}
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 impl ImageGradient for Cube {
     fn gradient(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
         match &*derivative.of {
@@ -91,7 +91,7 @@ impl ImageGradient for Cube {
     Autodiff,
     Flex: cfg(feature = "flex"),
     NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "wgpu")
+    Cube: cfg(feature = "gpu")
 )]
 pub(super) trait NodeBackend: Backend {
     /// Returns the unchanged output with the parameters as its parent.

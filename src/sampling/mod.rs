@@ -7,7 +7,7 @@ mod strategies;
 mod stream;
 mod table;
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) use emitters::EmitterPlace;
 pub(crate) use emitters::{
     Choosing, Chosen, Emitter, EmitterGroup, EmitterHit, EmitterKinds, EmitterLists,

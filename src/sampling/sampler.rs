@@ -10,7 +10,7 @@ use crate::model::integers::{Wide, mix, mixed, morton, wide};
 #[apply(record!)]
 pub(crate) struct Sampler {
     pub seed: Wide,
-    #[cfg_attr(feature = "wgpu", cube(comptime))]
+    #[cfg_attr(feature = "gpu", cube(comptime))]
     pub sequence: Sequence,
     /// The width of the image in pixels.
     pub width: u32,
@@ -44,7 +44,7 @@ impl Sampler {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Sampler {
     /// Returns the same source with a whole sequence for each pixel.
     pub fn of_one_pixel(self) -> Sampler {

@@ -48,7 +48,7 @@ pub(crate) struct Dimensions {
     purposes: Words,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Dimensions {
     /// Returns the dimensions for film x and y, and for an emitter and a point on it, seen from the first surface.
     #[inline(always)]
@@ -100,20 +100,20 @@ impl Dimensions {
 }
 
 /// Returns the pair of dimensions for light that arrives at the point of a bounce.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn of_light(bounce: u32) -> u32 {
     select(bounce > 2, 2 * bounce + 2, bounce + 1)
 }
 
 /// Returns the pair of dimensions for the choices at a bounce.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn of_choices(bounce: u32) -> u32 {
     select(bounce < 2, 7 - bounce.min(1), 2 * bounce + 5)
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn dimensions(
     first: u32,
@@ -133,7 +133,7 @@ fn dimensions(
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn words(x: u32, y: u32, z: u32, w: u32) -> Words {
     Words { x, y, z, w }
@@ -143,7 +143,7 @@ fn words(x: u32, y: u32, z: u32, w: u32) -> Words {
 #[apply(record!)]
 pub(crate) struct Stream {
     pub seed: Wide,
-    #[cfg_attr(feature = "wgpu", cube(comptime))]
+    #[cfg_attr(feature = "gpu", cube(comptime))]
     pub sequence: Sequence,
     pub pixel: u32,
     pub sample: u32,
@@ -155,7 +155,7 @@ pub(crate) struct Stream {
     pub shuffled: u32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Stream {
     /// Returns four numbers. `points` are the points of the sequence.
     #[inline(always)]
@@ -208,7 +208,7 @@ impl Stream {
 }
 
 /// Returns the seeds that scramble a set of four dimensions.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn scrambles(stage: Wide, set: u32) -> Words {
     let a = mixed(stage.xor(wide(set + 1, 0u32)));
@@ -217,7 +217,7 @@ pub(super) fn scrambles(stage: Wide, set: u32) -> Words {
 }
 
 /// Returns a point in a pair of dimensions: the XOR of the table's entries for the parts of the index.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn point_of(points: &[u32], pair: u32, index: u32) -> Coordinates {
     let first = pair as usize * OF_PAIR;
@@ -233,7 +233,7 @@ pub(super) fn point_of(points: &[u32], pair: u32, index: u32) -> Coordinates {
 }
 
 /// Applies Owen scrambling to a number with reversed bits, by a hash (Burley 2020, Vegdahl 2021).
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn scrambled(n: u32, scramble: u32) -> u32 {
     let a = n ^ product(n, 0x3d20_adeau32);
@@ -243,7 +243,7 @@ pub(super) fn scrambled(n: u32, scramble: u32) -> u32 {
 }
 
 /// Scrambles a coordinate of a point and converts it to a number in [0, 1).
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn number(coordinate: u32, scramble: u32) -> f32 {
     let bits = scrambled(coordinate, scramble).reverse_bits();

@@ -3,7 +3,7 @@
 use crate::cube::*;
 
 use super::parts::{UVS, VELOCITIES, VERTICES};
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use super::scene::SceneExpand;
 use super::scene::{MATERIAL, NONE, NORMAL_MAP, NORMAL_ROWS, Scene, TRIANGLE, UV_ROWS};
 use super::sums::Sums;
@@ -23,7 +23,7 @@ pub(crate) struct Rows {
 }
 
 /// Reads three rows from index `at` of a list.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn rows_at(list: &[u32], at: u32) -> Rows {
     let i = at as usize;
@@ -40,7 +40,7 @@ pub(crate) struct Corners {
     pub c: V3,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Corners {
     #[inline(always)]
     pub fn at(&self, weights: V3) -> V3 {
@@ -48,7 +48,7 @@ impl Corners {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Rows {
     /// Returns whether the triangle has rows.
     #[inline(always)]
@@ -88,7 +88,7 @@ impl Rows {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl<'a> Scene<'a> {
     /// Returns the rows of a triangle's texture coordinates.
     #[inline(always)]
@@ -210,7 +210,7 @@ pub(super) struct Facing {
     pub factor: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn facing(sum: V3, geometric: V3) -> Facing {
     let factor = 1.0 / sum.length().max(TINY);

@@ -23,7 +23,7 @@ pub(crate) struct Faces {
     pub d: u32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Faces {
     #[inline(always)]
     pub fn contains(self, triangle: u32) -> bool {
@@ -58,7 +58,7 @@ const OBJECT_OF_EDGE: u32 = 8;
 const IS_CROSSING: u32 = 9;
 
 /// Returns an edge at a time, without its object's motion; the point on it is not set yet.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn edge_of(scene: &Scene, index: u32, time: f32) -> EdgePoint {
     let edge = OF_EDGE as u32 * index;
@@ -91,7 +91,7 @@ pub(crate) fn edge_of(scene: &Scene, index: u32, time: f32) -> EdgePoint {
 
 /// Samples a point on a drawn edge, in the part that lies in the query's cone and above the surface that sees it.
 /// `per_chance` is 1 over the edge's probability.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn edge_point(
     scene: &Scene,
@@ -117,7 +117,7 @@ pub(crate) fn edge_point(
 }
 
 /// Returns the vector from a point of an edge's line to the corner of a face that is farthest from the line.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn into_face(scene: &Scene, face: u32, p: &EdgePoint, time: f32) -> V3 {
     let on = scene.triangle(face);
@@ -132,7 +132,7 @@ fn into_face(scene: &Scene, face: u32, p: &EdgePoint, time: f32) -> V3 {
 }
 
 /// Returns the faces of an edge that are seen on its two sides; the + side lies toward `side`.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn sides(scene: &Scene, p: &EdgePoint, view: V3, side: V3, time: f32) -> Sides {
     let mut sides = Sides::new(p.along, view, side);
@@ -153,7 +153,7 @@ pub(crate) fn sides(scene: &Scene, p: &EdgePoint, view: V3, side: V3, time: f32)
 }
 
 /// Adds the derivative with respect to an edge's point to the parameters that move the edge.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn add_to_edge(scene: &Scene, sums: &Sums, p: &EdgePoint, g: V3, time: f32) {
     if p.crossing {

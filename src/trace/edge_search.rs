@@ -27,7 +27,7 @@ pub(crate) struct Observer {
     pub searches: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Observer {
     /// Returns the observer for each of `most` searches.
     #[inline(always)]
@@ -65,7 +65,7 @@ pub(crate) struct Search {
 
 /// Returns whether a search of a point is made, for an edge of the light of emitters or of reflected light, by a
 /// uniform number. Its probability is min(1, `searches`).
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn looks_for_edges(
     scene: &Scene,
@@ -81,7 +81,7 @@ pub(crate) fn looks_for_edges(
 
 /// Returns a search for an edge of the light of emitters or of reflected light, for the four uniform numbers `drawn`;
 /// a search for emitters' light also uses two of `more`. `room` is working memory for the choice of an emitter.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn search(
     scene: &Scene,

@@ -19,7 +19,7 @@ pub(crate) struct Approach {
 }
 
 /// Returns whether the triangle that a ray hit occludes an edge's point and does not touch it.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn hides(scene: &Scene, hit: &Hit, p: &EdgePoint, time: f32) -> bool {
     let mut hidden = false;
@@ -44,7 +44,7 @@ pub(crate) struct Beside {
 
 /// Returns the surface seen on one side of an edge's point; `behind` is the hit of a ray past the edge. The line of a
 /// crossing divides a face, of which the half on that side is seen.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn beside(
     scene: &Scene,
@@ -79,7 +79,7 @@ pub(crate) fn beside(
 }
 
 /// Returns whether there are faces of one material on both sides, so that paths on both sides can go the same ways.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn is_crease(scene: &Scene, sides: &Sides) -> bool {
     let mut crease = false;

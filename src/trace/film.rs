@@ -31,7 +31,7 @@ pub(crate) struct FilmPoint {
 }
 
 /// Returns the film point, in pixels, at the center of a pixel.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn middle_of(scene: &Scene, pixel: u32) -> V2 {
     let width = scene.width;
@@ -39,7 +39,7 @@ pub(crate) fn middle_of(scene: &Scene, pixel: u32) -> V2 {
 }
 
 /// Returns a sampled point of an edge, one of `count` samples.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn film_point(
     scene: &Scene,
@@ -67,7 +67,7 @@ pub(crate) fn film_point(
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl FilmPoint {
     /// Chooses the film point of a sample, from whose pixel a ray would reach the edge's point. `radius` is the
     /// radius of the pixel filter.

@@ -38,7 +38,7 @@ pub(crate) struct EdgeView {
 }
 
 /// Returns the view of an edge's point for a search.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn edge_view(scene: &Scene, o: &Observer, s: &Search, p: EdgePoint) -> EdgeView {
     let shading = o.point.shading;
@@ -76,7 +76,7 @@ pub(crate) fn edge_view(scene: &Scene, o: &Observer, s: &Search, p: EdgePoint) -
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl EdgeView {
     /// Returns the ray to the edge's point, and the faces beside it.
     #[inline(always)]
@@ -183,7 +183,7 @@ pub(crate) struct Jump {
 }
 
 /// Returns the jump of the light of the k-th emitter, or of reflected light.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn jump_at(scene: &Scene, o: &Observer, s: &Search, e: &EdgeView, k: u32) -> Jump {
     let p = e.point;
@@ -242,7 +242,7 @@ pub(crate) fn jump_at(scene: &Scene, o: &Observer, s: &Search, e: &EdgeView, k: 
 
 /// Adds the derivatives due to the jump of an emitter's light, after the ray found no occluder. Returns the largest
 /// length of the derivative with respect to the edge's point.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn shadow_backward(
     scene: &Scene,
@@ -279,7 +279,7 @@ pub(crate) fn shadow_backward(
 /// Adds the derivatives due to the jump of reflected light or of the environment's light. `light` is the quantities
 /// seen on the − side of the edge minus those on the + side. Returns the largest component of the derivative with
 /// respect to the edge's point.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn reflected_backward(
     scene: &Scene,

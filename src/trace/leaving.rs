@@ -25,7 +25,7 @@ pub(crate) struct Leaving {
 
 /// Makes the ray that leaves a surface point in a sampled direction after `bounce` bounces. `u` is the uniform number
 /// for Russian roulette, `cone_u` and `cone_v` are those for the cone.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn leave(
     scene: &Scene,
@@ -54,7 +54,7 @@ pub(crate) fn leave(
 }
 
 /// Makes the ray that leaves a surface point in exactly the sampled direction, without Russian roulette or cone.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn leave_sharply(p: &Point, scatter: &Scatter, throughput: V3) -> Leaving {
     let direction = scatter.direction;
@@ -74,7 +74,7 @@ pub(crate) fn leave_sharply(p: &Point, scatter: &Scatter, throughput: V3) -> Lea
 /// Backward pass of a ray that left a surface point, and of the environment's light if the ray `escaped`. Turns
 /// derivatives with respect to the throughput after the point and to the ray into those with respect to the point.
 /// Returns the derivative with respect to the throughput before the point.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn leave_backward(
     scene: &Scene,

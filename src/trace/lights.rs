@@ -14,7 +14,7 @@ use crate::model::{V2, V3, v2, v3};
 use crate::sampling::{Chosen, EmitterLists, EmitterTriangle, Fixed, LightTree, Receiver};
 
 /// Returns the lists of emitters of a scene.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn emitters_of<'a>(scene: &Scene<'a>) -> EmitterLists<'a> {
     EmitterLists::<'a> {
@@ -55,7 +55,7 @@ pub(crate) struct GroupChoice {
 
 /// Chooses a group of emitters for a random number. `grouped` is true if there are several groups. `room` is working
 /// memory for the choice of an emitter.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn choose_group(
     scene: &Scene,
@@ -84,7 +84,7 @@ pub(crate) fn choose_group(
 }
 
 /// Returns the barycentric weights of all corners from the weights of b and c.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn of_corners(weights: V2) -> V3 {
     v3(1.0 - weights.x - weights.y, weights.x, weights.y)
@@ -92,7 +92,7 @@ pub(crate) fn of_corners(weights: V2) -> V3 {
 
 /// Returns the target for emitter `k`: its point with these barycentric weights of corners b and c, or a delta light.
 /// The radiance is not set.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn target_of(
     scene: &Scene,
@@ -120,7 +120,7 @@ pub(crate) fn target_of(
 }
 
 /// Returns the target for a point of an emissive triangle, ignoring holes.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn target_on(on: &EmitterTriangle, weights: V2, x: V3) -> Target {
     let corners = of_corners(weights);
@@ -130,7 +130,7 @@ pub(crate) fn target_on(on: &EmitterTriangle, weights: V2, x: V3) -> Target {
 }
 
 /// Returns the radiance that a triangle emits at a cosine to its normal, at the point with these barycentric weights.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn emission_at(scene: &Scene, triangle: u32, weights: V3, cosine: f32) -> V3 {
     let mut uv = v2(0.0, 0.0);
@@ -141,7 +141,7 @@ pub(crate) fn emission_at(scene: &Scene, triangle: u32, weights: V3, cosine: f32
 }
 
 /// Returns the radiance of a point of emitter `k` at a cosine to its normal, or the strength of a delta light.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn radiance_of(scene: &Scene, k: u32, weights: V2, cosine: f32) -> V3 {
     let emitters = emitters_of(scene);
@@ -159,7 +159,7 @@ pub(crate) fn radiance_of(scene: &Scene, k: u32, weights: V2, cosine: f32) -> V3
 
 /// Backward pass of light from a fixed point of an emitter, or from a delta light; returns the derivative with
 /// respect to the throughput.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn light_backward(
     scene: &Scene,
@@ -214,7 +214,7 @@ pub(crate) fn light_backward(
 
 /// Backward pass of light of an environment map along a fixed direction; returns the derivative with respect to the
 /// throughput.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn map_backward(
     scene: &Scene,

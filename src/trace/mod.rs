@@ -32,7 +32,7 @@ mod seen;
 mod sums;
 mod surface;
 mod texture;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 mod totals;
 
 pub(crate) use edge_points::*;
@@ -50,5 +50,5 @@ pub(crate) use seen::*;
 pub(crate) use sums::*;
 pub(crate) use surface::*;
 pub(crate) use texture::*;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) use totals::*;

@@ -21,7 +21,7 @@ pub(crate) const PURPOSES: usize = 5;
 pub(crate) const NO_PIXEL: u32 = u32::MAX;
 
 /// Returns the source of random numbers for a purpose.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn sampler(scene: &Scene, purpose: usize) -> Sampler {
     Sampler {
@@ -41,7 +41,7 @@ pub(crate) struct Exposure {
 }
 
 /// Returns the lens point and the shutter time of a path.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn exposure(scene: &Scene, numbers: &Stream) -> Exposure {
     let mut lens = v2(0.0, 0.0);

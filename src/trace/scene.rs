@@ -1,7 +1,7 @@
 //! A scene and its view as flat lists: borrowed on the host, parts of two buffers on a GPU.
 
 #![cfg_attr(
-    not(feature = "wgpu"),
+    not(feature = "gpu"),
     allow(dead_code, reason = "some lists are for GPUs alone")
 )]
 
@@ -22,7 +22,7 @@ macro_rules! lists {
         numbers { $($(#[$of_number:meta])* $number:ident,)* }
     ) => {
         /// The lists and numbers of a scene and its view, and the features that kernels are compiled for.
-        #[cfg_attr(feature = "wgpu", derive(CubeType))]
+        #[cfg_attr(feature = "gpu", derive(CubeType))]
         #[derive(Clone, Copy, Default)]
         pub(crate) struct Scene<'a> {
             $($(#[$of_float])* pub $float: &'a [f32],)*
@@ -30,23 +30,23 @@ macro_rules! lists {
             $($(#[$of_number])* pub $number: u32,)*
             /// All floats of the buffer by four, if they can be loaded so, and where the nodes and triangles for rays
             /// begin in them.
-            #[cfg(feature = "wgpu")]
+            #[cfg(feature = "gpu")]
             pub fours: Fours<'a>,
-            #[cfg(feature = "wgpu")]
+            #[cfg(feature = "gpu")]
             pub first_node: u32,
-            #[cfg(feature = "wgpu")]
+            #[cfg(feature = "gpu")]
             pub first_hit: u32,
-            #[cfg_attr(feature = "wgpu", cube(comptime))]
+            #[cfg_attr(feature = "gpu", cube(comptime))]
             pub features: Features,
         }
 
         /// Positions in a header: where lists begin in their buffers, then numbers.
-        #[cfg(feature = "wgpu")]
+        #[cfg(feature = "gpu")]
         #[allow(non_camel_case_types)]
         #[derive(Clone, Copy)]
         pub(crate) enum HeaderWord { $($float,)* $($word,)* $($number,)* End }
 
-        #[cfg(feature = "wgpu")]
+        #[cfg(feature = "gpu")]
         impl HeaderWord {
             /// Returns whether lists that the device computes depend on this list.
             pub fn shapes(self) -> bool {
@@ -60,7 +60,7 @@ macro_rules! lists {
             }
         }
 
-        #[cfg(feature = "wgpu")]
+        #[cfg(feature = "gpu")]
         impl Scene<'_> {
             pub fn float_lists(&self) -> Vec<(HeaderWord, &[f32])> {
                 vec![$((HeaderWord::$float, self.$float),)*]
@@ -75,7 +75,7 @@ macro_rules! lists {
             }
         }
 
-        #[cfg(feature = "wgpu")]
+        #[cfg(feature = "gpu")]
         #[cube]
         impl<'a> Scene<'a> {
             /// Returns the scene of a view, whose header is in the second of two buffers.
@@ -225,13 +225,13 @@ lists! {
 }
 
 /// A list of floats by four.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) type Fours<'a> = ComptimeOption<&'a [Vector<f32, Const<4>>]>;
 
 /// Number of words of a header.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) const HEADER: usize = HeaderWord::End as usize;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) const BOUNCES: usize = HeaderWord::bounces as usize;
 
 /// Offsets of the rows among a triangle's words.
@@ -263,7 +263,7 @@ pub(crate) const GLOWS: u32 = 8 * MODEL;
 pub(crate) const CONE: usize = camera::NUMBERS;
 pub(crate) const UNIT: usize = CONE + 1;
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl<'a> Scene<'a> {
     #[inline(always)]
     pub fn triangle(&self, k: u32) -> Triangle {

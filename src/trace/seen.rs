@@ -21,7 +21,7 @@ pub(crate) struct Seen {
     pub normal: V3,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Seen {
     /// Returns the sum of the absolute values of all numbers.
     #[inline(always)]
@@ -61,7 +61,7 @@ impl Seen {
 }
 
 /// Returns the radiance that a surface point emits toward the point that sees it.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn emitted(scene: &Scene, p: &Point) -> V3 {
     let mut emission = splat(0.0);
@@ -75,7 +75,7 @@ pub(crate) fn emitted(scene: &Scene, p: &Point) -> V3 {
 /// Backward pass of the quantities that the camera sees of a surface point, for the upstream gradient: its emission,
 /// with respect to the position too if it is textured, its normal, and its distance. Returns the derivative with
 /// respect to the distance.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn seen_backward(
     scene: &Scene,

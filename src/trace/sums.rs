@@ -5,7 +5,7 @@ use std::cell::Cell;
 use super::Derivatives;
 use super::parts::{CAMERAS, LIGHTS, OF_LIGHT};
 use super::scene::Scene;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use super::totals::{Totals, TotalsExpand};
 use crate::cube::*;
 use crate::model::V3;
@@ -22,7 +22,7 @@ pub(crate) struct Sums<'a> {
 }
 
 /// In kernels this type stands for [`Totals`], which has the same methods and field; [`sums_of`] converts.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 impl<'a> CubeType for Sums<'a> {
     type ExpandType = TotalsExpand<'a>;
 }
@@ -55,7 +55,7 @@ impl<'a> Sums<'a> {
 }
 
 /// Converts the sums of a kernel to the type that stages add to.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 #[cube]
 #[allow(unused_variables)]
 pub(crate) fn sums_of<'a>(totals: Totals<'a>) -> Sums<'a> {
@@ -64,7 +64,7 @@ pub(crate) fn sums_of<'a>(totals: Totals<'a>) -> Sums<'a> {
 
 /// Adds the derivatives with respect to delta light `k` if they are requested; `g` is the one with respect to its
 /// strength.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn add_to_light(scene: &Scene, sums: &Sums, k: u32, by: &DeltaGradient, g: V3) {
     let light = k - scene.emissive_count;
@@ -79,7 +79,7 @@ pub(crate) fn add_to_light(scene: &Scene, sums: &Sums, k: u32, by: &DeltaGradien
 }
 
 /// Adds the derivatives with respect to the camera.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn add_to_camera(sums: &Sums, by: &CameraGradient) {
     sums.add_vector(0u32, by.eye, CAMERAS);

@@ -60,7 +60,7 @@ pub(crate) struct OnPlane {
 }
 
 /// Returns the point near `near` of a plane that has moved by a shift, seen along a direction.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn on_plane(plane: &Plane, shift: V3, near: V3, direction: V3) -> OnPlane {
     let mut at_rest = near - shift;
@@ -86,12 +86,12 @@ pub(crate) struct HitTriangle {
     pub diffuse: V3,
     pub distance: f32,
     pub direction: V3,
-    #[cfg_attr(feature = "wgpu", cube(comptime))]
+    #[cfg_attr(feature = "gpu", cube(comptime))]
     pub models: Models,
 }
 
 /// Returns a point with its triangle's normal and a constant diffuse material, without barycentric weights.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn plain_point(on: &OnPlane, hit: &HitTriangle) -> Point {
     Point {
@@ -128,7 +128,7 @@ pub(crate) fn plain_point(on: &OnPlane, hit: &HitTriangle) -> Point {
 }
 
 /// Returns a triangle that a ray hits, and its material.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn hit_triangle(
     scene: &Scene,
@@ -150,7 +150,7 @@ pub(crate) fn hit_triangle(
 }
 
 /// Returns the point near `near` of a triangle, seen along a direction from a distance at a shutter time.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn point_at(
     scene: &Scene,
@@ -205,7 +205,7 @@ pub(crate) fn point_at(
 
 /// Backward pass of a surface point. Turns derivatives with respect to its position, geometric normal, distance and
 /// shading into those with respect to the scene, which are added, and to the ray that hit it, which are returned.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn point_backward(
     scene: &Scene,
@@ -275,7 +275,7 @@ pub(crate) fn point_backward(
 }
 
 /// Returns a point as the receiver for which emitters are chosen.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn receiver_of(point: &Point, time: f32) -> Receiver {
     Receiver {
@@ -289,7 +289,7 @@ pub(crate) fn receiver_of(point: &Point, time: f32) -> Receiver {
 /// color and shading normal into those with respect to the values at the triangle's corners and the normal map, which
 /// are added. Returns the derivatives with respect to its position, of which each corner receives the negative times
 /// its weight, and to its geometric normal.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn corners_backward(
     scene: &Scene,

@@ -3,7 +3,7 @@
 use crate::cube::*;
 
 use super::parts::{MATERIALS, SKY, TEXELS};
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use super::scene::SceneExpand;
 use super::scene::{CHANNELS, EMISSION, GLOWS, MATERIAL, NONE, Scene};
 use super::sums::Sums;
@@ -12,7 +12,7 @@ use crate::model::sky::Map;
 use crate::model::texture::{Cell, Masks, texture_at};
 use crate::model::{V2, V3, splat, v2};
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl<'a> Scene<'a> {
     /// Returns the color of the texture whose words start at index `texture` among those of materials.
     #[inline(never)]
@@ -134,7 +134,7 @@ impl<'a> Scene<'a> {
 }
 
 /// Returns the index of the words of a channel's texture; the first word is [`NONE`] for a constant.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn texture_of(material: u32, channel: u32) -> u32 {
     MATERIAL * material + 1 + 4 * channel
@@ -142,7 +142,7 @@ pub(crate) fn texture_of(material: u32, channel: u32) -> u32 {
 
 /// Adds the derivatives of g·color with respect to the texels of a cell to a part, if `wanted`, and returns the
 /// derivatives with respect to the cell's point, in texels.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn cell_backward(sums: &Sums, texels: &[f32], cell: Cell, g: V3, part: u32, wanted: bool) -> V2 {
     if wanted {
@@ -156,7 +156,7 @@ fn cell_backward(sums: &Sums, texels: &[f32], cell: Cell, g: V3, part: u32, want
 }
 
 /// Returns the environment map.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn map_of(scene: &Scene) -> Map {
     Map {
@@ -166,7 +166,7 @@ pub(crate) fn map_of(scene: &Scene) -> Map {
 }
 
 /// Returns the radiance of the environment along a direction.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn sky(scene: &Scene, direction: V3) -> V3 {
     let mut radiance = splat(0.0);
@@ -179,14 +179,14 @@ pub(crate) fn sky(scene: &Scene, direction: V3) -> V3 {
     radiance
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(never)]
 fn radiance_of_map(map: Map, texels: &[f32], direction: V3) -> V3 {
     map.cell(direction).color(texels, 0u32)
 }
 
 /// Adds the derivatives of g·radiance of the environment, and returns the one with respect to the direction.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(never)]
 pub(crate) fn sky_backward(scene: &Scene, sums: &Sums, direction: V3, g: V3) -> V3 {
     let mut by_direction = splat(0.0);

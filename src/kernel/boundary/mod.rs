@@ -12,6 +12,6 @@ mod jumps;
 mod pieces;
 
 pub(crate) use film_edges::FilmEdges;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) use pieces::Piece;
 pub(crate) use pieces::PixelGradients;

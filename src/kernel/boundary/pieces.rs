@@ -234,7 +234,7 @@ fn cell_of([x, y]: [f32; 2], width: u32, height: u32) -> u32 {
 
 impl Piece {
     /// Returns the index of the cell in which its middle lies.
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     pub fn cell(&self, width: u32, height: u32) -> u32 {
         cell_of(self.middle, width, height)
     }

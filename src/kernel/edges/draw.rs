@@ -14,7 +14,7 @@ use crate::model::choice::{Uniform, is_positive};
 use crate::model::edge_weight::{Jumps, Query, SeenEdge, Subtree};
 
 /// A tree over edges, the part of a tree below a node, or a list of leaves.
-#[cfg_attr(feature = "wgpu", derive(CubeType))]
+#[cfg_attr(feature = "gpu", derive(CubeType))]
 #[derive(Clone, Copy)]
 pub(crate) struct Root<'a> {
     /// Blocks of the bounds of eight branches, with [`NODE`] numbers each, and (in `children`) the child of each
@@ -28,10 +28,10 @@ pub(crate) struct Root<'a> {
     pub start: u32,
     pub count: u32,
     /// Whether there may be nodes.
-    #[cfg_attr(feature = "wgpu", cube(comptime))]
+    #[cfg_attr(feature = "gpu", cube(comptime))]
     pub has_nodes: bool,
     /// Whether edges may move while the shutter is open.
-    #[cfg_attr(feature = "wgpu", cube(comptime))]
+    #[cfg_attr(feature = "gpu", cube(comptime))]
     pub moves: bool,
 }
 
@@ -70,7 +70,7 @@ const KEPT: usize = 16;
 const STACK: usize = 24;
 const ENTERED: u32 = 64;
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn jumps_of(block: &[f32], k: usize, branch: usize) -> Jumps {
     Jumps {
@@ -82,7 +82,7 @@ fn jumps_of(block: &[f32], k: usize, branch: usize) -> Jumps {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn subtree(block: &[f32], branch: usize) -> Subtree {
     Subtree {
@@ -116,7 +116,7 @@ impl Jumps {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn seen_edge(tree: &Root, block: &[f32], branch: usize, q: &Query) -> SeenEdge {
     let mut to = vector(block, 0, branch) - q.x;
@@ -134,7 +134,7 @@ fn seen_edge(tree: &Root, block: &[f32], branch: usize, q: &Query) -> SeenEdge {
 }
 
 /// Stores a vector in a lane of a block, from number `k` on.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn put(list: &mut [f32], lane: usize, k: usize, v: V3) {
     list[lane + LANES * k] = v.x;
@@ -144,7 +144,7 @@ fn put(list: &mut [f32], lane: usize, k: usize, v: V3) {
 
 /// Stores an edge in a lane of a leaf's block: as seen from the origin at the start of the shutter, with its
 /// displacement over the shutter.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn put_edge(list: &mut [f32], lane: usize, e: &SeenEdge, velocity: V3) {
     put(list, lane, 0usize, e.to);
@@ -162,7 +162,7 @@ pub(crate) fn put_edge(list: &mut [f32], lane: usize, e: &SeenEdge, velocity: V3
 }
 
 /// Computes the weights of the branches of a node, and whether each is to be entered.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn weigh_node(tree: &Root, node: usize, q: &Query, large: f32, room: &mut [u32]) {
     let first = LANES * NODE * node;
@@ -177,7 +177,7 @@ fn weigh_node(tree: &Root, node: usize, q: &Query, large: f32, room: &mut [u32])
 
 /// Computes the weights of the edges of a leaf and returns their sum. In most leaves nothing jumps, and the rest is
 /// skipped.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn weigh_leaf(tree: &Root, leaf: usize, q: &Query, room: &mut [u32]) -> f32 {
     let first = LANES * LEAF * leaf;
@@ -206,7 +206,7 @@ fn weigh_leaf(tree: &Root, leaf: usize, q: &Query, room: &mut [u32]) -> f32 {
 }
 
 /// Pushes a child on the stack, with the inverse of the probability of reaching it.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn push(room: &mut [u32], length: u32, child: u32, inverse: f32) {
     let top = STACK + 2 * length as usize;
@@ -219,7 +219,7 @@ fn push(room: &mut [u32], length: u32, child: u32, inverse: f32) {
 /// All subtrees that are near, or only partly in the cone, are entered, within a budget. Of the other subtrees of a
 /// node, one is drawn. Of all leaves that are reached, one is kept (weighted reservoir sampling), so that no list is
 /// stored.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn draw_edge(tree: &Root, room: &mut [u32], q: &Query, u: Uniform) -> DrawnEdge {
     let mut random = u;
@@ -301,7 +301,7 @@ pub(crate) fn draw_edge(tree: &Root, room: &mut [u32], q: &Query, u: Uniform) ->
 }
 
 /// Returns an edge of the kept leaf, drawn in proportion to its weight.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn edge_of_leaf(tree: &Root, weights: &[u32], leaf: usize, total: f32, u: f32) -> DrawnEdge {
     let mut drawn = DrawnEdge {

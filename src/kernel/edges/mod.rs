@@ -18,12 +18,12 @@ use super::scene::KernelScene;
 use crate::model::V3;
 use crate::model::edge_weight::{BORDER, CROSSING, FOLD};
 use crate::scene::HostScene;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use crate::trace::CLOSED;
 use crate::trace::{OF_EDGE, Scene};
 use bounds::EdgeList;
 pub(crate) use draw::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) use draw::{LEAF, put_edge};
 use meshes::MeshEdges;
 use tree::{Division, EdgeTree};
@@ -234,7 +234,7 @@ impl EdgeSets {
 
     /// Returns the kind of each edge, the bound of the jump of its colors, and the number of mesh edges, which come
     /// first.
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     pub fn kinds(&self) -> (Vec<u32>, Vec<f32>, usize) {
         let kinds = &self.edges.kinds;
         let kind = |&(kind, _, closed): &(Kind, f32, bool)| match closed {

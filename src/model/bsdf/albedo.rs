@@ -7,7 +7,7 @@ use crate::cube::*;
 use crate::model::{V2, v2};
 
 /// Returns a + b x + c x² + d x³ and its derivative.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn cubic(x: f32, a: f32, b: f32, c: f32, d: f32) -> V2 {
     v2(
@@ -32,7 +32,7 @@ pub(crate) struct Fit {
 
 /// Returns (1 − E)/E, where E is the albedo of facets that reflect all light and lose what they occlude from each
 /// other. It is too small by at most 1.9 % of E, up to 5 % beyond 85°.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn lost(cosine: f32, alpha: f32) -> Fit {
     let sum = 1.0 / (cosine + alpha);
@@ -62,7 +62,7 @@ pub(crate) fn lost(cosine: f32, alpha: f32) -> Fit {
 }
 
 /// Returns the albedo of facets with F₀ = 0.04, including compensation, too large by at most 0.02.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn dielectric_facets(cosine: f32, alpha: f32) -> Fit {
     let per = 1.0 / (1.0 + WIDTH * alpha);
@@ -85,7 +85,7 @@ pub(crate) fn dielectric_facets(cosine: f32, alpha: f32) -> Fit {
 }
 
 /// Returns the cosine-weighted hemispherical mean of [`dielectric_facets`], and its derivative with respect to α.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn mean_of_dielectric_facets(alpha: f32) -> V2 {
     let root = alpha.sqrt();

@@ -12,7 +12,7 @@
 //! has a factor that falls to 0 at n·h = 0. The transmitted light then has no jump, which gradients would have to
 //! account for.
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use super::ShadingExpand;
 use super::albedo::Fit;
 use super::facets::{Facets, FacetsGradient};
@@ -39,7 +39,7 @@ struct FactorsGradient {
 
 /// Returns the probability of choosing reflection before a facet is sampled. Slanted facets transmit light where a
 /// facet along the normal reflects all of it, so neither choice has probability 0.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn gloss(shading: &Shading) -> f32 {
     let nv = shading.normal.dot(shading.incoming).abs();
@@ -47,7 +47,7 @@ pub(super) fn gloss(shading: &Shading) -> f32 {
 }
 
 /// Returns f·cos θ.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(never)]
 pub(super) fn evaluate(shading: &Shading, outgoing: V3) -> V3 {
     let f = shading.facets_about(shading.normal);
@@ -65,7 +65,7 @@ pub(super) fn evaluate(shading: &Shading, outgoing: V3) -> V3 {
 }
 
 /// Adds the derivatives of g·f·cos θ, and returns the one with respect to the outgoing direction.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(never)]
 pub(super) fn evaluate_backward(
     shading: &Shading,
@@ -106,7 +106,7 @@ pub(super) fn evaluate_backward(
 
 /// Returns the density of a direction, about a normal: first component if it is reflected, above the surface; second
 /// if it is refracted, below.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
     let f = shading.facets_about(normal);
@@ -125,7 +125,7 @@ pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
 }
 
 /// Samples a facet, then reflects or refracts.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(never)]
 pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32) {
     let f = shading.facets_about(normal);
@@ -145,7 +145,7 @@ pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32
 }
 
 /// Adds the derivatives of g·weight of a sampled direction, and returns the one with respect to the direction.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(never)]
 pub(super) fn weight_backward(
     shading: &Shading,
@@ -189,7 +189,7 @@ pub(super) fn weight_backward(
 }
 
 /// Sets the random numbers that would have sampled the facet that turns the view into a direction.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn as_drawn(shading: &Shading, drawn: &mut Scatter) {
     let f = shading.facets_about(shading.normal);
@@ -199,7 +199,7 @@ pub(super) fn as_drawn(shading: &Shading, drawn: &mut Scatter) {
 }
 
 /// Adds the derivatives of g·direction of a sampled direction, at fixed random numbers.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn direction_backward(
     shading: &Shading,
@@ -215,7 +215,7 @@ pub(super) fn direction_backward(
 }
 
 /// Narrows a lobe to the directions that microfacets reflect to, or refract to.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(never)]
 pub(super) fn lobe(shading: &Shading, lobe: &mut Lobe, of_gloss: bool, tangent: f32) {
     let f = shading.facets_about(shading.normal);
@@ -231,7 +231,7 @@ pub(super) fn lobe(shading: &Shading, lobe: &mut Lobe, of_gloss: bool, tangent: 
     lobe.take_facets(core, turns, f.alpha, tangent);
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Shading {
     /// Returns the compensation factor 1/E, or 1 without compensation.
     #[inline(always)]

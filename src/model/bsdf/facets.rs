@@ -6,7 +6,7 @@
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use super::ShadingExpand;
 use super::ranges::roughness_of;
 use super::{Scatter, Shading, ShadingGradient};
@@ -44,7 +44,7 @@ pub(super) struct FacetsGradient {
     pub alpha: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl FacetsGradient {
     #[inline(always)]
     pub fn zero() -> FacetsGradient {
@@ -65,21 +65,21 @@ pub(super) struct SurfaceGradient {
 }
 
 /// Returns √(α² + (1 − α²) c²), for the square α² and the cosine c.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn slant(square: f32, cosine: f32) -> f32 {
     (square + (1.0 - square) * cosine * cosine).sqrt()
 }
 
 /// Returns α of a roughness: its square, at least the minimum.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn alpha_of(roughness: f32) -> f32 {
     let roughness = roughness_of(roughness);
     (roughness * roughness).max(LEAST_ALPHA)
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Facets {
     /// Makes the facets for a ray with direction `incoming`.
     #[inline(always)]
@@ -229,7 +229,7 @@ struct Drawn {
     per_length: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Facets {
     #[inline(always)]
     fn drawn(&self, u: f32, v: f32) -> Drawn {
@@ -304,7 +304,7 @@ impl Facets {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Shading {
     /// Returns the microfacets about a normal.
     #[inline(always)]

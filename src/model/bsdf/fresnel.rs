@@ -7,7 +7,7 @@ use crate::model::{V3, v3};
 const TINY: f32 = 1e-12;
 
 /// Returns the factor (1 − cos)⁵ of Schlick's F₀ + (1 − F₀) (1 − cos)⁵.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn schlick(cosine: f32) -> f32 {
     let x = (1.0 - cosine).max(0.0);
@@ -15,7 +15,7 @@ pub(super) fn schlick(cosine: f32) -> f32 {
 }
 
 /// Returns the derivative of [`schlick`].
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn schlick_slope(cosine: f32) -> f32 {
     let x = (1.0 - cosine).max(0.0);
@@ -24,7 +24,7 @@ pub(super) fn schlick_slope(cosine: f32) -> f32 {
 
 /// Returns √((√(t₀² + 4 η² k²) + t₀)/2). For t₀ ≤ 0 it avoids the difference of nearly equal numbers, which would
 /// cancel where η is small.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn half_angle(t0: f32, sum: f32, product: f32) -> f32 {
     let far = (0.5 * (sum + t0)).max(0.0).sqrt();
@@ -33,7 +33,7 @@ fn half_angle(t0: f32, sum: f32, product: f32) -> f32 {
 }
 
 /// Returns the reflectance for unpolarized light of a conductor with the complex index η − i k.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn conductor(cosine: f32, eta: f32, k: f32) -> f32 {
     let square = cosine * cosine;
@@ -51,7 +51,7 @@ pub(super) fn conductor(cosine: f32, eta: f32, k: f32) -> f32 {
 }
 
 /// Returns the derivatives of [`conductor`] with respect to the cosine, η and k.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn conductor_slopes(cosine: f32, eta: f32, k: f32) -> V3 {
     let square = cosine * cosine;
@@ -100,7 +100,7 @@ pub(super) fn conductor_slopes(cosine: f32, eta: f32, k: f32) -> V3 {
 
 /// Returns the reflectance of a dielectric, and its derivatives with respect to the cosine and η. Light comes from
 /// the side with index 1 to the side with index η. The reflectance is 1 under total internal reflection.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn dielectric(cosine: f32, eta: f32) -> V3 {
     let inverse = 1.0 / (eta * eta);

@@ -50,7 +50,7 @@ struct Left {
 }
 
 /// Returns a + b x + c x² + d x³ + e x⁴ and its derivative.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn quartic(x: f32, a: f32, b: f32, c: f32, d: f32, e: f32) -> V2 {
     let rest = cubic(x, b, c, d, e);
@@ -58,7 +58,7 @@ fn quartic(x: f32, a: f32, b: f32, c: f32, d: f32, e: f32) -> V2 {
 }
 
 /// Evaluates a polynomial in r whose coefficients depend on s: its value and its derivatives with respect to r and s.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn along_r(r: f32, a: V2, b: V2, c: V2, d: V2, e: V2) -> V3 {
     let along = quartic(r, a.x, b.x, c.x, d.x, e.x);
@@ -67,7 +67,7 @@ fn along_r(r: f32, a: V2, b: V2, c: V2, d: V2, e: V2) -> V3 {
 }
 
 /// Evaluates a polynomial in t whose coefficients depend on r and s.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn along_t(t: f32, a: V3, b: V3, c: V3, d: V3) -> Lost {
     let along = cubic(t, a.x, b.x, c.x, d.x);
@@ -80,7 +80,7 @@ fn along_t(t: f32, a: V3, b: V3, c: V3, d: V3) -> Lost {
 }
 
 /// Returns P where light enters the denser side.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn entering(t: f32, r: f32, s: f32) -> Lost {
     let none = v2(0.0, 0.0);
@@ -120,7 +120,7 @@ fn entering(t: f32, r: f32, s: f32) -> Lost {
 }
 
 /// Returns P where light leaves the denser side, for an index of about 1.3 or more.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn leaving(t: f32, r: f32, s: f32) -> Lost {
     let a = along_r(
@@ -159,7 +159,7 @@ fn leaving(t: f32, r: f32, s: f32) -> Lost {
 }
 
 /// Returns P where light leaves the denser side, for an index close to 1.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn leaving_faintly(t: f32, r: f32, s: f32) -> Lost {
     let a = along_r(
@@ -199,7 +199,7 @@ fn leaving_faintly(t: f32, r: f32, s: f32) -> Lost {
 
 /// Returns the albedo at a cosine and α, from the value of the polynomial P and the derivative of s with respect to
 /// the index.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn left(cosine: f32, alpha: f32, lost: Lost, by_index: f32, more: f32, fade: V2) -> Left {
     let sum = 1.0 / (cosine + alpha);
@@ -224,7 +224,7 @@ fn left(cosine: f32, alpha: f32, lost: Lost, by_index: f32, more: f32, fade: V2)
 
 /// Returns 1/E, where E is the albedo of an interface without absorption. `eta` is the index of refraction on the
 /// other side over the index on the view's side.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn given_back(cosine: f32, alpha: f32, eta: f32) -> Fit {
     let mut index = eta;

@@ -1,7 +1,7 @@
 //! Lobes of directions from which a surface scatters light, for edge searches.
 
 use super::Shading;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use super::ShadingExpand;
 use crate::cube::*;
 use crate::model::cone::widened;
@@ -32,7 +32,7 @@ pub(crate) struct Lobe {
     pub rest: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Lobe {
     /// Returns the hemisphere about a normal.
     #[inline(always)]
@@ -100,7 +100,7 @@ impl Lobe {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Shading {
     /// Returns the specular lobe or the other lobe, widened by the cone of rays. For microfacets it is a part of the
     /// lobe, chosen by a uniform number.

@@ -7,7 +7,7 @@
 
 use std::f32::consts::FRAC_1_PI;
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use super::ShadingExpand;
 use super::albedo::{dielectric_facets, mean_of_dielectric_facets};
 use super::facets::{Facets, FacetsGradient};
@@ -33,7 +33,7 @@ struct TermsGradient {
 }
 
 /// Returns the probability of sampling the microfacet lobe, which is roughly its fraction of the reflected light.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn gloss(shading: &Shading) -> f32 {
     let mut share = 1.0f32;
@@ -53,7 +53,7 @@ pub(super) fn gloss(shading: &Shading) -> f32 {
 }
 
 /// Returns f·cos θ of a conductor or of metallic-roughness.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(never)]
 pub(super) fn evaluate(shading: &Shading, outgoing: V3) -> V3 {
     let cosine = shading.cosine(outgoing);
@@ -73,7 +73,7 @@ pub(super) fn evaluate(shading: &Shading, outgoing: V3) -> V3 {
 }
 
 /// Adds the derivatives of g·f·cos θ, and returns the one with respect to the outgoing direction.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(never)]
 pub(super) fn evaluate_backward(
     shading: &Shading,
@@ -101,7 +101,7 @@ pub(super) fn evaluate_backward(
 }
 
 /// Returns the densities, about a normal, of the microfacet lobe and of the diffuse base, each times its probability.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
     let gloss = gloss(shading);
@@ -112,7 +112,7 @@ pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
 }
 
 /// Samples a microfacet that reflects, or a cosine-distributed direction about a normal.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(never)]
 pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32) {
     let f = shading.facets_about(normal);
@@ -126,7 +126,7 @@ pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32
 }
 
 /// Adds the derivatives of g·weight of a sampled direction, and returns the one with respect to the direction.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(never)]
 pub(super) fn weight_backward(
     shading: &Shading,
@@ -167,7 +167,7 @@ pub(super) fn weight_backward(
 }
 
 /// Sets the random numbers that would have sampled the facet that reflects the view into a direction.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn as_drawn(shading: &Shading, drawn: &mut Scatter) {
     if drawn.of_gloss {
@@ -179,7 +179,7 @@ pub(super) fn as_drawn(shading: &Shading, drawn: &mut Scatter) {
 }
 
 /// Adds the derivatives of g·direction of a sampled direction, at fixed random numbers.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn direction_backward(
     shading: &Shading,
@@ -195,7 +195,7 @@ pub(super) fn direction_backward(
 }
 
 /// Narrows a lobe to the directions that microfacets reflect to.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(never)]
 pub(super) fn lobe(shading: &Shading, lobe: &mut Lobe, of_gloss: bool, tangent: f32) {
     if of_gloss {
@@ -204,7 +204,7 @@ pub(super) fn lobe(shading: &Shading, lobe: &mut Lobe, of_gloss: bool, tangent: 
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Shading {
     /// Adds the derivatives of the terms, and returns the one with respect to the outgoing direction, which is above
     /// the surface.

@@ -63,7 +63,7 @@ pub(crate) struct Shading {
     pub compensated: bool,
     /// Whether the ray came from behind the front side, which is the inside of a dielectric.
     pub inside: bool,
-    #[cfg_attr(feature = "wgpu", cube(comptime))]
+    #[cfg_attr(feature = "gpu", cube(comptime))]
     pub models: Models,
     /// Two normals, about one of which directions are sampled instead of the shading normal: the normals of both
     /// faces of a crease. Paths on either side then go the same way, and their difference is as small as the crease
@@ -93,7 +93,7 @@ impl Shading {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Shading {
     /// Returns whether the diffuse lobe is the only one, so that directions about two normals may be mirrored.
     #[inline(always)]
@@ -106,7 +106,7 @@ impl Shading {
 const ALIKE: f32 = 1e-6;
 
 /// Returns whether two normals differ, so that there is a plane between them to mirror directions in.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn normals_differ(pair: &Pair) -> bool {
     let across = pair.first - pair.second;
@@ -131,7 +131,7 @@ pub(crate) const HORIZON: f32 = 4.0;
 /// Directions with a smaller density cannot have been sampled.
 const IMPOSSIBLE: f32 = 1e-20;
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Shading {
     /// Returns the mirror direction about the shading normal.
     #[inline(always)]

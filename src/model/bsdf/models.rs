@@ -59,7 +59,7 @@ macro_rules! models {
             use crate::scene::BsdfKind;
 
             $(
-                #[cfg_attr(feature = "wgpu", cube)]
+                #[cfg_attr(feature = "gpu", cube)]
                 #[inline(always)]
                 pub(super) fn $model(shading: &Shading) -> bool {
                     let mut own = true;
@@ -74,7 +74,7 @@ macro_rules! models {
             )+
         }
 
-        #[cfg_attr(feature = "wgpu", cube)]
+        #[cfg_attr(feature = "gpu", cube)]
         impl Shading {
             /// Returns the probability of the specular lobe, which is roughly its fraction of the scattered light.
             #[inline(always)]

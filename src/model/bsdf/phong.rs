@@ -2,7 +2,7 @@
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use super::ShadingExpand;
 use super::{IMPOSSIBLE, LEAST, Lobe, Scatter, Shading, ShadingGradient};
 use crate::cube::*;
@@ -12,7 +12,7 @@ use crate::model::frame::{
 use crate::model::{V3, splat, v3};
 
 /// Returns the fraction of the albedo that is due to the specular lobe.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn gloss(shading: &Shading) -> f32 {
     let mut share = 0.0;
@@ -24,7 +24,7 @@ pub(super) fn gloss(shading: &Shading) -> f32 {
 }
 
 /// Returns f·cos θ.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn evaluate(shading: &Shading, outgoing: V3) -> V3 {
     let mut f = shading.matt(outgoing);
@@ -35,7 +35,7 @@ pub(super) fn evaluate(shading: &Shading, outgoing: V3) -> V3 {
 }
 
 /// Adds the derivatives of g·f·cos θ, and returns the one with respect to the outgoing direction.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn evaluate_backward(
     shading: &Shading,
@@ -63,7 +63,7 @@ pub(super) fn evaluate_backward(
 }
 
 /// Returns the densities of the lobe about the mirror direction and of the cosine lobe, each times its probability.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
     let mut found = v3(0.0, normal.dot(outgoing).max(0.0) * FRAC_1_PI, 0.0);
@@ -77,7 +77,7 @@ pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
 }
 
 /// Samples the cosine lobe about a normal, or the lobe about the mirror direction.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32) {
     drawn.of_gloss = shading.glossy && lobe < gloss(shading);
@@ -91,7 +91,7 @@ pub(super) fn draw(shading: &Shading, drawn: &mut Scatter, normal: V3, lobe: f32
 }
 
 /// Adds the derivatives of g·weight of a sampled direction, and returns the one with respect to the direction.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn weight_backward(
     shading: &Shading,
@@ -125,7 +125,7 @@ pub(super) fn weight_backward(
 }
 
 /// Sets the random numbers that would have sampled a direction of the specular lobe.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn as_drawn(shading: &Shading, drawn: &mut Scatter) {
     if drawn.of_gloss {
@@ -138,7 +138,7 @@ pub(super) fn as_drawn(shading: &Shading, drawn: &mut Scatter) {
 }
 
 /// Adds the derivatives of g·direction of a sampled direction, at fixed random numbers.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn direction_backward(
     shading: &Shading,
@@ -165,7 +165,7 @@ pub(super) fn direction_backward(
 }
 
 /// Narrows a lobe to the cone about the mirror direction outside of which the specular lobe is nearly 0.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn lobe(shading: &Shading, lobe: &mut Lobe, of_gloss: bool, tangent: f32) {
     if of_gloss {
@@ -177,7 +177,7 @@ pub(super) fn lobe(shading: &Shading, lobe: &mut Lobe, of_gloss: bool, tangent: 
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Shading {
     /// Returns f·cos θ of the diffuse lobe.
     #[inline(always)]
@@ -218,7 +218,7 @@ impl Shading {
 }
 
 /// Returns cosⁿα, or 0 for α over 90°.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn phong(exponent: f32, cosine: f32) -> f32 {
     let lobe = (cosine.max(LEAST).min(1.0).ln() * exponent).exp();

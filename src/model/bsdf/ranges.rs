@@ -1,7 +1,7 @@
 //! Ranges of the microfacet parameters. A value outside its range, which an optimizer may step to, is clamped to the
 //! nearest value inside. Its derivative is 0 there, as the derivative of a clamp is.
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use super::ShadingExpand;
 use super::{Shading, ShadingGradient};
 use crate::cube::*;
@@ -17,20 +17,20 @@ const MOST_IOR: f32 = scene::MOST_IOR as f32;
 const LEAST_CONTRAST: f32 = scene::LEAST_CONTRAST as f32;
 
 /// Returns the derivative with respect to a clamped number: 0 outside [0, `most`].
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn clamped(g: f32, x: f32, most: f32) -> f32 {
     select(x < 0.0 || x > most, 0.0, g)
 }
 
 /// Clamps a roughness to [0, 1].
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn roughness_of(number: f32) -> f32 {
     number.max(0.0).min(1.0)
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Shading {
     /// Returns the clamped metallic parameter.
     #[inline(always)]

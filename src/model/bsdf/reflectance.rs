@@ -1,14 +1,14 @@
 //! Reflectance of the microfacets of conductors and metallic-roughness, and transmission to and from the base below
 //! them.
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use super::ShadingExpand;
 use super::albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
 use super::facets::{Facets, FacetsGradient};
 use super::fresnel::{conductor, conductor_slopes, schlick, schlick_slope};
 use super::ranges::CONDUCTOR;
 use super::{Shading, ShadingGradient};
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use crate::cube::*;
 use crate::model::{V3, splat, v3};
 
@@ -16,7 +16,7 @@ use crate::model::{V3, splat, v3};
 pub(crate) const DIELECTRIC_F0: f32 = 0.04;
 /// 1 − F₀ of a non-metal.
 const REST: f32 = 1.0 - DIELECTRIC_F0;
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Shading {
     /// Returns the Fresnel reflectance of a conductor for the cosine to the facet normal.
     #[inline(always)]

@@ -1,7 +1,7 @@
 //! Half vectors of facets that reflect or refract at a dielectric interface, and the directions that they turn the
 //! view into.
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use super::ShadingExpand;
 use super::facets::{Facets, FacetsGradient};
 use super::fresnel::dielectric;
@@ -32,7 +32,7 @@ pub(super) struct Turn {
     pub upright: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Shading {
     /// Returns the index of refraction on the other side over the index on the view's side.
     #[inline(always)]

@@ -1,6 +1,6 @@
 //! Sampling of directions from a BSDF, and derivatives of samples at fixed random numbers.
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use super::ShadingExpand;
 use super::{IMPOSSIBLE, Shading, ShadingGradient};
 use crate::cube::*;
@@ -21,7 +21,7 @@ pub(crate) struct Scatter {
     pub v: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Shading {
     /// Samples a lobe about in proportion to its albedo, and a direction from it.
     #[inline(always)]
@@ -100,7 +100,7 @@ impl Shading {
 }
 
 /// Returns a cosine-distributed direction in the frame of a normal, for two uniform numbers.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn matt_local(u: f32, v: f32) -> V3 {
     let turn = sin_cos_of_turns(v);

@@ -10,7 +10,7 @@ mod host;
 mod tests;
 
 use super::filter::filter_by_radius;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use super::lists::vector;
 use super::{Pair, V2, V3, v2, v3};
 use crate::cube::*;
@@ -75,7 +75,7 @@ pub(crate) struct CameraRay {
     pub lens_y: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Camera {
     /// Returns the ray through a film point in pixels.
     #[inline(always)]
@@ -141,7 +141,7 @@ impl Camera {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Camera {
     /// Returns the coordinates of a vector in the camera's basis; the third is the depth.
     #[inline(always)]
@@ -260,7 +260,7 @@ impl Camera {
 }
 
 /// Reads the camera at the start of a list, for rays and film points.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 #[cube]
 pub(crate) fn camera_at(list: &[f32], parallel: bool) -> Camera {
     Camera {

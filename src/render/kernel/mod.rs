@@ -129,7 +129,7 @@ fn of_jobs(
     views: Vec<(View, Places)>,
     numbers: usize,
 ) -> Derivative {
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     {
         let device = context.device.clone();
         Derivative::Gpu(Box::new(move |upstream| {
@@ -138,7 +138,7 @@ fn of_jobs(
             crate::gpu::gradient_of(&device, upstream, &jobs, &views, numbers)
         }))
     }
-    #[cfg(not(feature = "wgpu"))]
+    #[cfg(not(feature = "gpu"))]
     {
         let _ = (context, views, numbers);
         match jobs {}

@@ -61,7 +61,7 @@ fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<Hos
         checked.map_err(in_batch("view", index))?;
     }
     // A device with insufficient limits is an error before any kernel runs on it.
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     crate::gpu::check(&context.device, std::iter::empty(), false)?;
     // The vertices of the batch are read together, not scene by scene.
     let device = host_device().unwrap_or(context.device.clone());
@@ -94,9 +94,9 @@ fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<Hos
 
 /// The identity of a tensor on a GPU.
 fn identity(tensor: &Tensor<1>) -> Option<Identity> {
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     return crate::gpu::identity(tensor);
-    #[cfg(not(feature = "wgpu"))]
+    #[cfg(not(feature = "gpu"))]
     {
         let _ = tensor;
         None

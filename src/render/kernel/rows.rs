@@ -34,7 +34,7 @@ impl Rows {
     }
 
     /// The outputs in the format of the GPU kernels.
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     pub fn for_gpu(&self) -> crate::gpu::Outputs {
         let o = self.outputs;
         crate::gpu::Outputs {

@@ -10,11 +10,11 @@ use rayon::prelude::*;
 use super::forward::{Forward, Traced, camera_tiles};
 use super::prepare::Places;
 use super::rows::Rows;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use crate::device::stage;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, host_values};
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use crate::gpu::{Job, Packed, pack};
 use crate::kernel::View;
 use crate::render::adaptive::{pilots, shares};
@@ -39,7 +39,7 @@ type Images = (Tensor<2>, Vec<Traced>);
 struct Together {
     views: Range<usize>,
     /// On a GPU: groups of views, with the indices of their views in this range.
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     packed: Vec<(Vec<usize>, Arc<Packed>)>,
 }
 
@@ -55,10 +55,10 @@ struct Share {
 type Done<'a> = Option<(&'a AtomicUsize, usize)>;
 
 /// The data for a backward pass on a GPU.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(super) type Jobs = Vec<(Vec<usize>, Job)>;
 /// Without GPU support there are no jobs.
-#[cfg(not(feature = "wgpu"))]
+#[cfg(not(feature = "gpu"))]
 pub(super) type Jobs = std::convert::Infallible;
 
 impl Pass<'_> {
@@ -74,14 +74,14 @@ impl Pass<'_> {
         }
         let all = self.together(0..self.views.len(), self.options.cache.as_ref());
         let share = self.share(self.options.sample_range());
-        #[cfg(feature = "wgpu")]
+        #[cfg(feature = "gpu")]
         let jobs = self.on_gpu().then(|| self.jobs(&all, &share));
-        #[cfg(feature = "wgpu")]
+        #[cfg(feature = "gpu")]
         if let Some(jobs) = &jobs {
             let device = &self.context.device;
             crate::gpu::check(device, jobs.iter().map(|j| &j.1), with_gradient)?;
         }
-        #[cfg(not(feature = "wgpu"))]
+        #[cfg(not(feature = "gpu"))]
         let jobs = None;
         let pilots = pilots(self.options.samples);
         let pilots = pilots.filter(|_| self.options.adaptive && self.pixels.is_none());
@@ -94,7 +94,7 @@ impl Pass<'_> {
             }
         };
         // Buffers are kept only here, since a failed render leaves their contents undefined.
-        #[cfg(feature = "wgpu")]
+        #[cfg(feature = "gpu")]
         if self.on_gpu()
             && let Some(cache) = &self.options.cache
         {
@@ -195,7 +195,7 @@ impl Pass<'_> {
 
     /// Returns the means over a share's samples.
     fn rows(&self, of: &Together, share: &Share, done: Done) -> Result<Images> {
-        #[cfg(feature = "wgpu")]
+        #[cfg(feature = "gpu")]
         if self.on_gpu() {
             return self.rows_of_gpu(&self.jobs(of, share));
         }
@@ -219,7 +219,7 @@ impl Pass<'_> {
     }
 }
 
-#[cfg(not(feature = "wgpu"))]
+#[cfg(not(feature = "gpu"))]
 impl Pass<'_> {
     fn on_gpu(&self) -> bool {
         false
@@ -230,7 +230,7 @@ impl Pass<'_> {
     }
 }
 
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 impl Pass<'_> {
     fn on_gpu(&self) -> bool {
         self.context.dtype == DType::F32 && crate::device::runs_kernels(&self.context.device)
@@ -307,7 +307,7 @@ impl Pass<'_> {
 }
 
 /// Sorts the rows `[B·P, C]` of views by the views' numbers.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 fn in_order(rows: Tensor<2>, numbers: &[usize]) -> Tensor<2> {
     if numbers.is_sorted() {
         return rows;

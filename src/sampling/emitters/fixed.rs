@@ -10,7 +10,7 @@ use crate::model::choice::MOST;
 use crate::model::lists::first_over;
 
 /// Probabilities that do not depend on the point, and their running sums.
-#[cfg_attr(feature = "wgpu", derive(CubeType))]
+#[cfg_attr(feature = "gpu", derive(CubeType))]
 #[derive(Clone, Copy)]
 pub(crate) struct Fixed<'a> {
     pub chances: &'a [f32],
@@ -26,7 +26,7 @@ pub(crate) struct Chosen {
     pub rest: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl<'a> Fixed<'a> {
     /// Chooses one of many emitters with a random number.
     #[inline(always)]

@@ -44,7 +44,7 @@ impl EmitterKinds {
 pub(super) const FEW: usize = 64;
 
 /// The emitters of a scene as lists. Triangles are numbered first, then delta lights.
-#[cfg_attr(feature = "wgpu", derive(CubeType))]
+#[cfg_attr(feature = "gpu", derive(CubeType))]
 #[derive(Clone, Copy)]
 pub(crate) struct EmitterLists<'a> {
     /// [`OF_EMITTER`] numbers of each triangle: corners, normal, area and velocity.
@@ -56,7 +56,7 @@ pub(crate) struct EmitterLists<'a> {
     pub brightness: &'a [f32],
     /// The tree over many emitters, and the fixed probabilities of all emitters.
     pub tree: LightTree<'a>,
-    #[cfg_attr(feature = "wgpu", cube(comptime))]
+    #[cfg_attr(feature = "gpu", cube(comptime))]
     pub kinds: EmitterKinds,
 }
 
@@ -82,7 +82,7 @@ pub(crate) struct EmitterTriangle {
     pub area: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl EmitterTriangle {
     /// Returns the triangle, translated by a vector.
     #[inline(always)]
@@ -113,7 +113,7 @@ pub(crate) struct EmitterHit {
     pub weights: V2,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn no_emitter_hit() -> EmitterHit {
     EmitterHit {
@@ -135,7 +135,7 @@ pub(crate) struct Choosing {
     past: f32,
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl Choosing {
     #[inline(always)]
     pub fn begin() -> Choosing {
@@ -171,7 +171,7 @@ impl Choosing {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl<'a> EmitterLists<'a> {
     /// Intersects a ray with the front of a triangle.
     #[inline(always)]

@@ -5,7 +5,7 @@ mod fixed;
 mod groups;
 mod lists;
 mod many;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 mod places;
 mod powers;
 #[cfg(test)]
@@ -27,7 +27,7 @@ pub(crate) use lists::{
 };
 use many::ManyEmitters;
 pub(crate) use many::Met;
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 pub(crate) use places::EmitterPlace;
 use powers::{powers_of_lights, running_sums};
 pub(crate) use tree::LightTree;

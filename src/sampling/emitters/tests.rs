@@ -196,7 +196,7 @@ fn rays_meet_all_emitters() {
 }
 
 /// Kernels visit the emitters that a ray hits one after another, and the host visits all at once.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 #[test]
 fn the_same_emitters_lie_along_a_ray() {
     let (triangles, lights) = many();

@@ -13,7 +13,7 @@ use super::BY_POWER;
 use super::fixed::{Chosen, Fixed};
 use crate::accel::LANES;
 use crate::accel::eights::{NONE, number, sum_of, vector};
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 use crate::cube::*;
 use crate::model::choice::{MOST, is_positive};
 use crate::model::light_bounds::{Axes, Sphere};
@@ -22,7 +22,7 @@ use crate::model::{V3, v3};
 
 /// A tree over emitters with a position, and directional lights. A share [`BY_POWER`] of choices is by power, at any
 /// point.
-#[cfg_attr(feature = "wgpu", derive(CubeType))]
+#[cfg_attr(feature = "gpu", derive(CubeType))]
 #[derive(Clone, Copy)]
 pub(crate) struct LightTree<'a> {
     /// A block for each node, with [`BRANCH`] numbers for each of eight branches. One more block has all emitters as
@@ -49,7 +49,7 @@ pub(super) const OF_NODE: usize = 11;
 pub(super) const PARENT: usize = 8;
 pub(super) const IS_LEAF: usize = 10;
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn sphere(block: &[f32], branch: usize) -> Sphere {
     Sphere {
@@ -74,7 +74,7 @@ impl Sphere {
     }
 }
 
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 impl<'a> LightTree<'a> {
     /// Computes weights of a node's branches and returns their sum. A weight is an estimate of the point's irradiance.
     /// If all are 0, the weights are the powers.
@@ -113,7 +113,7 @@ impl<'a> LightTree<'a> {
     }
 
     /// Returns whether a ray meets the sphere of a branch.
-    #[cfg(feature = "wgpu")]
+    #[cfg(feature = "gpu")]
     pub fn is_met(&self, node: u32, branch: u32, x: V3, direction: V3) -> bool {
         sphere(self.block(node), branch as usize).is_met(x, direction)
     }

@@ -329,7 +329,7 @@ fn a_drawn_weight_carries_its_gradient() {
 }
 
 /// `SOFTRAY_WGPU_KIND=cpu` selects a software driver.
-#[cfg(feature = "wgpu")]
+#[cfg(feature = "gpu")]
 #[test]
 fn f32_on_wgpu() {
     use burn::tensor::DeviceKind;
