@@ -2,34 +2,45 @@
 
 use std::ops::Range;
 
+use glam::Vec3A;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use rayon::prelude::*;
 
 use super::triangle::HostTriangle;
 
-/// A tree of nodes that store the boxes of both children. A child is the index of a node, or the bit 2³¹ with the index
-/// of a leaf.
+/// A tree of nodes that store the boxes of both children.
 #[derive(Clone, Default)]
 pub(crate) struct GpuTree {
-    pub root: u32,
-    /// The corners of the first and of the second child's box.
-    pub boxes: Vec<[f32; 12]>,
-    pub children: Vec<[u32; 2]>,
-    /// The first triangle and the number of triangles of each leaf.
-    pub leaves: Vec<[u32; 2]>,
+    /// The root comes first, and children come after their parents.
+    pub nodes: Vec<Node>,
     /// The indices of triangles, leaf by leaf.
     pub triangles: Vec<u32>,
     /// The largest number of nodes that a traversal must store.
     pub depth: usize,
 }
 
+/// Sixteen numbers, which a GPU loads by four. For each axis, these are the lower corners of both boxes and then the
+/// upper ones. The bits of the next two numbers are the children, and the last two are unused.
+type Node = [f32; 16];
+
 /// The largest number of triangles in a leaf. A thread tests them one by one.
 const OF_LEAF: usize = 4;
+/// The first quadruple of numbers of a child that is a node, with the bit [`CHILD`]. For a leaf, it is its first
+/// triangle, with the bits [`CHILD`] and [`LEAF`], and the number of its other triangles from bit [`OTHERS`] on.
+type Child = u32;
+/// Marks a child. As a float it is then a normal number, whose bits no device changes.
+pub(crate) const CHILD: u32 = 1 << 30;
 /// Marks a child that is a leaf.
 pub(crate) const LEAF: u32 = 1 << 31;
-/// The number of values of a triangle for intersection with rays.
-pub(crate) const HIT_STRIDE: u32 = 20;
+pub(crate) const OTHERS: u32 = 28;
+/// The place of the first child in a node.
+const CHILDREN: usize = 12;
+
+/// Returns the number of values of a triangle for intersection with rays.
+pub(crate) const fn hit_stride(moves: bool) -> u32 {
+    if moves { 20 } else { 16 }
+}
 
 impl GpuTree {
     /// Builds the tree from the nodes of a binary tree over triangles. Without a binary tree, for few triangles, there
@@ -39,7 +50,7 @@ impl GpuTree {
         match built {
             Some(built) => {
                 tree.triangles = built.primitive_indices.clone();
-                tree.root = tree.add(built, triangles, 0, 1);
+                tree.add(built, triangles, 0, 1);
             }
             None => tree.triangles = (0..triangles.len() as u32).collect(),
         }
@@ -49,46 +60,42 @@ impl GpuTree {
 
     /// Refits the boxes to triangles.
     pub(super) fn fit(&mut self, triangles: &[HostTriangle]) {
-        let of_leaf = |&[first, count]: &[u32; 2]| {
-            let list = &self.triangles[first as usize..][..count as usize];
-            let boxes = list.iter().map(|&k| triangles[k as usize].swept());
-            numbers(boxes.fold(Aabb::INVALID, |a, b| a.union(&b)))
-        };
-        let of_leaves: Vec<[f32; 6]> = self.leaves.par_iter().map(of_leaf).collect();
-        // The children of a node come after it.
-        for index in (0..self.boxes.len()).rev() {
-            let of_child = self.children[index].map(|child| match child {
-                LEAF.. => of_leaves[(child - LEAF) as usize],
-                node => {
-                    let both = &self.boxes[node as usize];
-                    std::array::from_fn(|i| match i {
-                        0..3 => both[i].min(both[i + 6]),
-                        _ => both[i].max(both[i + 6]),
-                    })
+        let list = &self.triangles;
+        self.nodes.par_iter_mut().for_each(|node| {
+            for side in 0..2 {
+                if let Some(range) = leaf(child(node, side)) {
+                    let boxes = list[range].iter().map(|&k| triangles[k as usize].swept());
+                    set(node, side, boxes.fold(Aabb::INVALID, |a, b| a.union(&b)));
                 }
-            });
-            self.boxes[index].copy_from_slice(of_child.as_flattened());
+            }
+        });
+        for index in (0..self.nodes.len()).rev() {
+            for side in 0..2 {
+                let below = child(&self.nodes[index], side);
+                if below & LEAF == 0 {
+                    let both = whole(&self.nodes[(below - CHILD) as usize / 4]);
+                    set(&mut self.nodes[index], side, both);
+                }
+            }
         }
     }
 
-    fn add(&mut self, nodes: &Bvh2, triangles: &[HostTriangle], at: usize, depth: usize) -> u32 {
-        let node = &nodes.nodes[at];
+    fn add(&mut self, tree: &Bvh2, triangles: &[HostTriangle], at: usize, depth: usize) -> Child {
+        let node = &tree.nodes[at];
         let first = node.first_index as usize;
         if node.is_leaf() {
             return self.add_leaf(triangles, first..first + node.prim_count as usize, depth);
         }
-        let children = [first, first + 1];
         let index = self.add_node();
-        self.children[index] = children.map(|child| self.add(nodes, triangles, child, depth + 1));
-        index as u32
+        let children = [first, first + 1].map(|at| self.add(tree, triangles, at, depth + 1));
+        self.set_children(index, children)
     }
 
     /// Adds a leaf of triangles. It is divided if it has too many.
-    fn add_leaf(&mut self, triangles: &[HostTriangle], list: Range<usize>, depth: usize) -> u32 {
+    fn add_leaf(&mut self, triangles: &[HostTriangle], list: Range<usize>, depth: usize) -> Child {
         self.depth = self.depth.max(depth);
         if list.len() <= OF_LEAF {
-            self.leaves.push([list.start as u32, list.len() as u32]);
-            return LEAF | (self.leaves.len() as u32 - 1);
+            return LEAF | CHILD | ((list.len() as u32 - 1) << OTHERS) | list.start as u32;
         }
         let of = |k: &u32| triangles[*k as usize].swept();
         let all = &mut self.triangles[list.clone()];
@@ -99,20 +106,44 @@ impl GpuTree {
         let middle = list.start + list.len() / 2;
         let halves = [list.start..middle, middle..list.end];
         let index = self.add_node();
-        self.children[index] = halves.map(|half| self.add_leaf(triangles, half, depth + 1));
-        index as u32
+        let children = halves.map(|half| self.add_leaf(triangles, half, depth + 1));
+        self.set_children(index, children)
     }
 
     /// Adds a node; its children and their boxes are set later.
     fn add_node(&mut self) -> usize {
-        self.boxes.push([0.0; 12]);
-        self.children.push([0; 2]);
-        self.boxes.len() - 1
+        self.nodes.push([0.0; 16]);
+        self.nodes.len() - 1
+    }
+
+    fn set_children(&mut self, index: usize, children: [Child; 2]) -> Child {
+        let bits = children.map(f32::from_bits);
+        self.nodes[index][CHILDREN..CHILDREN + 2].copy_from_slice(&bits);
+        CHILD | (4 * index) as u32
     }
 }
 
-/// Returns the corners of a box.
-fn numbers(aabb: Aabb) -> [f32; 6] {
-    let corners = [aabb.min.to_array(), aabb.max.to_array()];
-    std::array::from_fn(|i| corners.as_flattened()[i])
+fn child(node: &Node, side: usize) -> Child {
+    node[CHILDREN + side].to_bits()
+}
+
+/// Returns the triangles of a leaf, or `None` for a node.
+fn leaf(child: Child) -> Option<Range<usize>> {
+    let first = (child & ((1 << OTHERS) - 1)) as usize;
+    let count = (child >> OTHERS & 3) as usize + 1;
+    (child & LEAF != 0).then_some(first..first + count)
+}
+
+/// Sets the box of a node's child.
+fn set(node: &mut Node, side: usize, aabb: Aabb) {
+    for axis in 0..3 {
+        node[4 * axis + side] = aabb.min[axis];
+        node[4 * axis + 2 + side] = aabb.max[axis];
+    }
+}
+
+/// Returns the box around both children of a node.
+fn whole(node: &Node) -> Aabb {
+    let corner = |at: usize| Vec3A::new(node[at], node[4 + at], node[8 + at]);
+    Aabb::new(corner(0).min(corner(1)), corner(2).max(corner(3)))
 }

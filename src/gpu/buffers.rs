@@ -15,6 +15,8 @@ use super::made::make_lists;
 
 /// Number of words in a block.
 const BLOCK: usize = 1024;
+/// Lists begin at multiples of this number of words, which kernels may load at once.
+const FOUR: usize = 4;
 /// Maximum number of blocks in one transfer: 64 MiB.
 const AT_ONCE: usize = 1 << 14;
 
@@ -36,9 +38,9 @@ impl<'a> Plan<'a> {
         if let Some(&start) = self.known.get(&key) {
             return start;
         }
-        let start = self.length;
+        let start = self.length.next_multiple_of(FOUR);
         self.lists.push((start, list, shapes));
-        self.length += list.len();
+        self.length = start + list.len();
         self.known.insert(key, start as u32);
         start as u32
     }

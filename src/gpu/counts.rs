@@ -60,7 +60,7 @@ impl CountBackend for Cube {
             launch!(
                 &client,
                 piece.threads() as usize,
-                count_rays(job.paths(&lists, piece), &counts, of_view)
+                count_rays(job.paths(&client, &lists, piece), &counts, of_view)
             );
         }
         tensor

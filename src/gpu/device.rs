@@ -12,7 +12,7 @@ use burn_cubecl::{CubeBackend, tensor::CubeTensor};
 use crate::device::count_upload;
 use crate::scene::Identity;
 
-/// Maximum number of lists that a kernel takes.
+/// Maximum number of lists that a kernel needs.
 const LISTS: u32 = 7;
 
 /// A list of 32-bit numbers on a device.
@@ -56,6 +56,17 @@ impl List {
     pub fn argument(&self) -> BufferArg {
         // The handle was created with this length.
         unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length) }
+    }
+
+    /// Returns the list by four numbers as an additional argument of a kernel, if the device allows one more buffer. In
+    /// WGSL, whose devices may have the fewest bindings, it is left out.
+    #[allow(unsafe_code)]
+    pub fn fours(&self, client: &Client) -> Option<BufferArg> {
+        let spare = client.properties().hardware.max_bindings > LISTS;
+        // The handle was created with this length, and begins at a multiple of the device's alignment.
+        let argument =
+            || unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length / 4) };
+        (spare && client.name().contains("spirv")).then(argument)
     }
 }
 

@@ -3,10 +3,12 @@
 
 use crate::cube::*;
 
-use crate::accel::{HIT_STRIDE, Hit, LEAF, ROUNDING};
-use crate::model::lists::vector;
-use crate::model::{V3, v3};
-use crate::trace::{Faces, NONE, Scene};
+use crate::accel::{CHILD, Hit, LEAF, OTHERS, ROUNDING, hit_stride};
+use crate::model::{V3, splat, v3};
+use crate::trace::{Faces, Fours, NONE, Scene};
+
+/// Marks the end of the stack: no child.
+const END: u32 = LEAF;
 
 /// The memory of a thread: a stack of BVH nodes with the entry distances of their bounding boxes, and space for the
 /// choice of an emitter.
@@ -50,48 +52,100 @@ struct Cast {
     any: bool,
 }
 
+/// Four numbers of a list.
+#[apply(record!)]
+struct Four {
+    x: f32,
+    y: f32,
+    z: f32,
+    w: f32,
+}
+
+#[cube]
+impl Four {
+    /// Returns the first three numbers.
+    fn first(self) -> V3 {
+        v3(self.x, self.y, self.z)
+    }
+
+    /// Returns the signed distance of a point from a plane or line.
+    fn distance(self, p: V3) -> f32 {
+        self.first().dot(p) + self.w
+    }
+}
+
+/// Returns four numbers of a list, which begin at four times `at`. They are loaded at once if the device can. Then they
+/// are in `fours`, where the list begins at `first`.
+#[cube]
+fn four(list: &[f32], fours: Fours, first: u32, at: u32) -> Four {
+    let mut own = Four {
+        x: 0.0,
+        y: 0.0,
+        z: 0.0,
+        w: 0.0,
+    };
+    if comptime!(fours.is_some()) {
+        let all = fours.unwrap()[(first + at) as usize];
+        own.x = all.extract(0usize);
+        own.y = all.extract(1usize);
+        own.z = all.extract(2usize);
+        own.w = all.extract(3usize);
+    } else {
+        let i = 4 * at as usize;
+        own.x = list[i];
+        own.y = list[i + 1];
+        own.z = list[i + 2];
+        own.w = list[i + 3];
+    }
+    own
+}
+
+/// Returns four numbers of a node.
+#[cube]
+fn of_node(scene: &Scene, at: u32) -> Four {
+    four(scene.nodes, scene.fours, scene.first_node, at)
+}
+
+/// Returns four numbers of a triangle.
+#[cube]
+fn of_hit(scene: &Scene, at: u32) -> Four {
+    four(scene.hits, scene.fours, scene.first_hit, at)
+}
+
 /// Returns the distance at which a ray hits a triangle, or `limit` if it misses.
 #[cube]
-fn meet(scene: &Scene, at: u32, cast: Cast, limit: f32) -> f32 {
+fn meet(scene: &Scene, index: u32, cast: Cast, limit: f32) -> f32 {
     let ray = cast.ray;
+    let at = index * comptime!(hit_stride(scene.features.moves) / 4);
     let mut origin = ray.origin;
     if comptime!(scene.features.moves) {
-        origin -= vector(scene.hits, at + 17) * ray.time;
+        origin -= of_hit(scene, at + 4).first() * ray.time;
     }
-    let i = at as usize;
-    let normal = vector(scene.hits, at);
-    let cosine = normal.dot(ray.direction);
+    let plane = of_hit(scene, at);
+    let cosine = plane.first().dot(ray.direction);
     let mut t = limit;
     if cosine.abs() > 1e-30 {
-        let distance = (scene.hits[i + 3] - normal.dot(origin)) / cosine;
+        let distance = -plane.distance(origin) / cosine;
         if distance > cast.from && distance < limit {
             let p = origin + ray.direction * distance;
-            let ab = vector(scene.hits, at + 4).dot(p) + scene.hits[i + 7];
-            let bc = vector(scene.hits, at + 8).dot(p) + scene.hits[i + 11];
-            let ca = vector(scene.hits, at + 12).dot(p) + scene.hits[i + 15];
-            t = select(
-                ab.min(bc.min(ca)) > -cast.margin - scene.hits[i + 16],
-                distance,
-                t,
-            );
+            let ab = of_hit(scene, at + 1).distance(p);
+            let bc = of_hit(scene, at + 2).distance(p);
+            let ca = of_hit(scene, at + 3).distance(p);
+            t = select(ab.min(bc.min(ca)) > -cast.margin, distance, t);
         }
     }
     t
 }
 
-/// Returns the distance at which a ray enters a box, or `f32::MAX` if it misses.
+/// Returns the distance at which a ray enters a box, or `f32::MAX` if it misses. The ray's origin is given with the
+/// margin added (`above`) and subtracted (`below`).
 #[cube]
-fn enter(scene: &Scene, at: u32, cast: Cast, inverse: V3, limit: f32) -> f32 {
-    let low = vector(scene.boxes, at) - cast.ray.origin;
-    let high = vector(scene.boxes, at + 3) - cast.ray.origin;
-    let ax = (low.x - cast.margin) * inverse.x;
-    let bx = (high.x + cast.margin) * inverse.x;
-    let ay = (low.y - cast.margin) * inverse.y;
-    let by = (high.y + cast.margin) * inverse.y;
-    let az = (low.z - cast.margin) * inverse.z;
-    let bz = (high.z + cast.margin) * inverse.z;
-    let near = cast.from.max(ax.min(bx)).max(ay.min(by)).max(az.min(bz));
-    let far = limit.min(ax.max(bx)).min(ay.max(by)).min(az.max(bz));
+fn enter(low: V3, high: V3, above: V3, below: V3, inverse: V3, from: f32, limit: f32) -> f32 {
+    let a = (low - above).times(inverse);
+    let b = (high - below).times(inverse);
+    let near = from.max(a.min(b).max_element());
+    let most = a.max(b);
+    let far = limit.min(most.x).min(most.y).min(most.z);
     select(near <= far, near, f32::MAX)
 }
 
@@ -108,8 +162,7 @@ fn meet_all(
 ) {
     let mut k = first;
     while k < past {
-        let at = k * HIT_STRIDE;
-        let t = meet(scene, at, cast, nearest.t);
+        let t = meet(scene, k, cast, nearest.t);
         if t < nearest.t {
             let triangle = scene.hit_numbers[k as usize];
             if !selects || !cast.unseen.contains(triangle) {
@@ -134,6 +187,16 @@ fn safe_inverse(d: f32) -> f32 {
     1.0 / select(d.abs() < 1e-12, least, d)
 }
 
+/// Returns the place of the last child on the stack whose box is not behind the nearest hit.
+#[cube]
+fn last(distances: &Array<f32>, top: u32, limit: f32) -> u32 {
+    let mut at = top;
+    while distances[at as usize] > limit {
+        at -= 1;
+    }
+    at
+}
+
 /// Returns the nearest hit of a ray. With `any`, it returns any hit, which takes less time. With `selects`, the
 /// triangles in `unseen` are skipped; otherwise no triangle is.
 #[cube]
@@ -150,6 +213,7 @@ pub(super) fn trace(
     let along = -asked.origin.dot(asked.direction);
     let skipped = select(along * along > 256.0, along, 0.0f32);
     let origin = asked.origin + asked.direction * skipped;
+    let margin = ROUNDING * (1.0 + origin.abs().max_element());
     let cast = Cast {
         ray: Ray {
             origin,
@@ -158,7 +222,7 @@ pub(super) fn trace(
             limit: asked.limit,
         },
         from: -skipped,
-        margin: ROUNDING * (1.0 + origin.abs().max_element()),
+        margin,
         unseen,
         any,
     };
@@ -172,46 +236,60 @@ pub(super) fn trace(
             safe_inverse(asked.direction.y),
             safe_inverse(asked.direction.z),
         );
+        let above = origin + splat(margin);
+        let below = origin - splat(margin);
+        // The end of the stack, which no hit is nearer than.
         let mut top = 0u32;
-        let mut node = scene.root;
-        let mut going = true;
-        while going {
-            let mut popped = true;
-            if node >= LEAF {
-                let leaf = (2 * (node - LEAF)) as usize;
-                let first = scene.leaves[leaf];
-                let past = first + scene.leaves[leaf + 1];
-                meet_all(scene, cast, first, past, &mut nearest, selects);
+        memory.stack[0usize] = END;
+        memory.distances[0usize] = -f32::MAX;
+        let mut child = CHILD.runtime();
+        while child != END {
+            // The threads of a group go on to leaves together.
+            while child < LEAF {
+                let at = child - CHILD;
+                let x = of_node(scene, at);
+                let y = of_node(scene, at + 1);
+                let z = of_node(scene, at + 2);
+                let children = of_node(scene, at + 3);
+                let (from, limit) = (cast.from, nearest.t);
+                let low = v3(x.x, y.x, z.x);
+                let high = v3(x.z, y.z, z.z);
+                let first = enter(low, high, above, below, inverse, from, limit);
+                let low = v3(x.y, y.y, z.y);
+                let high = v3(x.w, y.w, z.w);
+                let second = enter(low, high, above, below, inverse, from, limit);
+                let one = children.x.to_bits();
+                let other = children.y.to_bits();
+                if first.min(second) < f32::MAX {
+                    child = select(second < first, other, one);
+                    if first.max(second) < f32::MAX {
+                        top += 1;
+                        memory.stack[top as usize] = select(second < first, one, other);
+                        memory.distances[top as usize] = first.max(second);
+                    }
+                } else {
+                    top = last(&memory.distances, top, nearest.t);
+                    child = memory.stack[top as usize];
+                    top -= 1;
+                }
+            }
+            if child != END {
+                let first = child & comptime!((1u32 << OTHERS) - 1);
+                let others = (child >> OTHERS) & 3;
+                meet_all(
+                    scene,
+                    cast,
+                    first,
+                    first + others + 1,
+                    &mut nearest,
+                    selects,
+                );
                 if any && nearest.triangle != NONE {
                     top = 0;
                 }
-            } else {
-                let at = 12 * node;
-                let first = enter(scene, at, cast, inverse, nearest.t);
-                let second = enter(scene, at + 6, cast, inverse, nearest.t);
-                let children = (2 * node) as usize;
-                let one = scene.children[children];
-                let other = scene.children[children + 1];
-                let near = select(second < first, other, one);
-                let far = select(second < first, one, other);
-                if first.min(second) < f32::MAX {
-                    node = near;
-                    popped = false;
-                    if first.max(second) < f32::MAX {
-                        memory.stack[top as usize] = far;
-                        memory.distances[top as usize] = first.max(second);
-                        top += 1;
-                    }
-                }
-            }
-            if popped {
-                // Pop the last node whose box is not behind the hit.
-                going = false;
-                while top > 0 && !going {
-                    top -= 1;
-                    going = memory.distances[top as usize] <= nearest.t;
-                    node = memory.stack[top as usize];
-                }
+                top = last(&memory.distances, top, nearest.t);
+                child = memory.stack[top as usize];
+                top -= 1;
             }
         }
     } else {

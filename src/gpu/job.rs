@@ -11,7 +11,7 @@ use super::packed::Packed;
 use super::sums::words_of_sums;
 use crate::device::label;
 use crate::error::{Error, Result};
-use crate::trace::{Features, Scene};
+use crate::trace::{Features, Fours, Scene};
 
 /// The requested rows of an image beside radiance.
 #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
@@ -81,6 +81,8 @@ impl Piece {
 pub(super) struct Views {
     floats: &'static [f32],
     words: &'static [u32],
+    /// The floats by four, if kernels can bind them so.
+    fours: Fours<'static>,
     #[cube(comptime)]
     features: Features,
 }
@@ -88,7 +90,13 @@ pub(super) struct Views {
 #[cube]
 impl Views {
     pub fn scene(&self, view: u32) -> Scene<'static> {
-        Scene::of_view(self.floats, self.words, view, comptime!(self.features))
+        Scene::of_view(
+            self.floats,
+            self.words,
+            self.fours,
+            view,
+            comptime!(self.features),
+        )
     }
 }
 
@@ -170,14 +178,21 @@ impl Job {
     }
 
     /// Returns the views as an argument for kernels that use `features`.
-    pub(super) fn views(&self, [floats, words, _]: &[List; 3], features: Features) -> ViewsLaunch {
-        ViewsLaunch::new(floats.argument(), words.argument(), features)
+    pub(super) fn views(
+        &self,
+        client: &Client,
+        [floats, words, _]: &[List; 3],
+        features: Features,
+    ) -> ViewsLaunch {
+        // Only traversal needs the floats by four.
+        let fours = features.boxes.then(|| floats.fours(client)).flatten();
+        ViewsLaunch::new(floats.argument(), words.argument(), fours.into(), features)
     }
 
     /// Returns the paths of a piece as a kernel argument.
-    pub(super) fn paths(&self, lists: &[List; 3], p: Piece) -> PathsLaunch {
+    pub(super) fn paths(&self, client: &Client, lists: &[List; 3], p: Piece) -> PathsLaunch {
         PathsLaunch::new(
-            self.views(lists, self.views.features),
+            self.views(client, lists, self.views.features),
             lists[2].argument(),
             PieceLaunch::new(p.first, p.stride, p.count, p.from, p.past, p.each),
             self.of_view as u32,

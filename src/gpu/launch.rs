@@ -148,7 +148,7 @@ impl GpuBackend for Cube {
                 &client,
                 piece.threads() as usize,
                 render_pixels(
-                    job.paths(&lists, piece),
+                    job.paths(&client, &lists, piece),
                     partial.as_ref().unwrap_or(&image),
                     row,
                     fresh,

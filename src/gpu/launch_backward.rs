@@ -171,7 +171,8 @@ impl<'a> Pass<'a> {
             &self.client,
             self.tensors.numbers,
             write_gradient(
-                self.job.views(&self.scene, Features::default()),
+                self.job
+                    .views(&self.client, &self.scene, Features::default()),
                 &self.sums,
                 &self.scales,
                 words,
@@ -234,7 +235,7 @@ impl<'a> Pass<'a> {
 
     fn add_paths(&self, piece: Piece, to: &List) {
         let threads = piece.threads() as usize;
-        let paths = || self.job.paths(&self.scene, piece);
+        let paths = || self.job.paths(&self.client, &self.scene, piece);
         let loss = || self.loss(1.0 / self.job.samples as f32);
         launch!(
             &self.client,
@@ -307,7 +308,7 @@ impl<'a> Pass<'a> {
             &self.client,
             threads as usize,
             film_jumps(
-                job.views(&self.scene, job.views.features),
+                job.views(&self.client, &self.scene, job.views.features),
                 FilmSamplesLaunch::new(first, threads, spread, views, of_view, count),
                 &self.pieces,
                 &self.table,

@@ -1,7 +1,7 @@
 //! Lists that the device makes from vertices and from data that stays the same while vertices move: triangles for
 //! paths, triangles for rays, edges, and the edges in leaves of trees.
 
-use crate::accel::{HIT_STRIDE, LANES, ROUNDING};
+use crate::accel::{LANES, ROUNDING, hit_stride};
 use crate::cube::*;
 use crate::kernel::{LEAF, put_edge};
 use crate::model::edge_weight::{Jumps, SeenEdge};
@@ -137,33 +137,45 @@ fn make_surface(floats: &mut [f32], to: u32, f: &Face) {
     floats[(to + 13) as usize] = f.area;
 }
 
-/// Writes the line through a side of a triangle as a distance function that is positive inside. Returns the rounding
-/// error of this distance.
+/// Returns the unit vector across a side of a triangle, which points into it.
 #[cube]
-fn make_line(floats: &mut [f32], to: u32, f: &Face, corner: V3, along: V3) -> f32 {
+fn inwards(f: &Face, along: V3) -> V3 {
     let across = f.normal.cross(along);
-    let across = across * (1.0 / across.length());
-    let offset = -across.dot(corner);
-    write(floats, to, across);
-    floats[to as usize + 3] = offset;
-    ROUNDING * offset.abs()
+    across * (1.0 / across.length())
 }
 
-/// Writes a triangle for rays: its normal and plane, the lines through its sides, their rounding error, and the
-/// displacement over the shutter time. A triangle that is never hit is written as zeros.
+/// Writes the line through a side of a triangle as a distance function that is positive inside, and larger than the
+/// distance by an error.
 #[cube]
-fn make_hit(floats: &mut [f32], to: u32, f: &Face, velocity: V3) {
+fn make_line(floats: &mut [f32], to: u32, across: V3, distance: f32, error: f32) {
+    write(floats, to, across);
+    floats[to as usize + 3] = distance + error;
+}
+
+/// Writes a triangle for rays: its plane, the lines through its sides, and the displacement over the shutter time if
+/// anything moves. A triangle that is never hit is written as zeros.
+#[cube]
+fn make_hit(floats: &mut [f32], to: u32, f: &Face, velocity: V3, #[comptime] moves: bool) {
+    for i in 0..comptime!(hit_stride(moves)) {
+        floats[(to + i) as usize] = 0.0;
+    }
     if f.valid {
         write(floats, to, f.normal);
-        floats[to as usize + 3] = f.offset;
-        let first = make_line(floats, to + 4, f, f.a, f.ab);
-        let second = make_line(floats, to + 8, f, f.b, f.bc);
-        let third = make_line(floats, to + 12, f, f.c, f.ca);
-        floats[to as usize + 16] = first.max(second).max(third);
-        write(floats, to + 17, velocity);
-    } else {
-        for i in 0..HIT_STRIDE {
-            floats[(to + i) as usize] = 0.0;
+        floats[to as usize + 3] = -f.offset;
+        let ab = inwards(f, f.ab);
+        let bc = inwards(f, f.bc);
+        let ca = inwards(f, f.ca);
+        let from_ab = -ab.dot(f.a);
+        let from_bc = -bc.dot(f.b);
+        let from_ca = -ca.dot(f.c);
+        // The rounding error of the distances, enlarged by that of their sums with it.
+        let largest = from_ab.abs().max(from_bc.abs()).max(from_ca.abs());
+        let error = 1.25 * ROUNDING * largest;
+        make_line(floats, to + 4, ab, from_ab, error);
+        make_line(floats, to + 8, bc, from_bc, error);
+        make_line(floats, to + 12, ca, from_ca, error);
+        if comptime!(moves) {
+            write(floats, to + 16, velocity);
         }
     }
 }
@@ -270,7 +282,8 @@ pub(super) fn make_lists(
             let f = face(floats, words, at, triangle);
             let v = velocity(floats, words, at, triangle);
             let to = words[header + comptime!(HeaderWord::hits as usize)];
-            make_hit(floats, to + HIT_STRIDE * own, &f, v);
+            let stride = comptime!(hit_stride(moves));
+            make_hit(floats, to + stride * own, &f, v, moves);
         } else if own < faces + hits + edges {
             own -= faces + hits;
             let line = edge(floats, words, at, own);

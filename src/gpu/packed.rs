@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::buffers::{Buffers, Made, Plan};
 use super::sums::Places;
-use crate::accel::{GpuTree, HIT_STRIDE};
+use crate::accel::{GpuTree, hit_stride};
 use crate::kernel::{LEAF, View};
 use crate::model::triangle::NUMBERS;
 use crate::trace::{Derivatives, Features, HEADER, HeaderWord, Scene};
@@ -57,9 +57,9 @@ pub(crate) fn pack(
     };
     let kernels = |v: usize| {
         let features = Features {
-            boxes: !scene(v).tree.boxes.is_empty(),
-            // Rounded up, so that kernels can be reused after the tree has grown.
-            stack: scene(v).tree.depth.next_power_of_two().max(64),
+            boxes: !scene(v).tree.nodes.is_empty(),
+            // Rounded up, so that kernels can be reused after the tree has grown. The first place marks the end.
+            stack: (scene(v).tree.depth + 1).next_power_of_two().max(64),
             ..views[v].features
         };
         (features, views[v].wanted.of)
@@ -148,7 +148,7 @@ impl Packed {
                 table.extend(of_scene.made);
                 made.scenes += 1;
                 made.threads += faces + hits + edges + lanes;
-                let each = [NUMBERS as u32, HIT_STRIDE, 6, LEAF as u32];
+                let each = [NUMBERS as u32, hit_stride(features.moves), 6, LEAF as u32];
                 let counts = [faces, hits, edges, lanes].into_iter().zip(each);
                 let rooms = counts.map(|(count, each)| floats.room((count * each) as usize));
                 rooms.collect::<Vec<u32>>().try_into().expect("four lists")
@@ -279,10 +279,7 @@ impl OfScene {
     /// Returns the lists of a view together with these lists.
     pub fn add_to<'a>(&'a self, scene: Scene<'a>) -> Scene<'a> {
         Scene {
-            root: self.tree.root,
-            boxes: self.tree.boxes.as_flattened(),
-            children: self.tree.children.as_flattened(),
-            leaves: self.tree.leaves.as_flattened(),
+            nodes: self.tree.nodes.as_flattened(),
             hit_numbers: &self.tree.triangles,
             hit_count: self.tree.triangles.len() as u32,
             counted: &self.counted,
@@ -307,6 +304,7 @@ impl OfScene {
         let lists = self.add_to(view.lists());
         let sent: usize = lists.float_lists().iter().map(|(_, list)| list.len()).sum();
         let [faces, hits, edges, _, lanes] = self.made.map(|n| n as usize);
-        sent + NUMBERS * faces + HIT_STRIDE as usize * hits + 6 * edges + LEAF * lanes
+        let of_hits = hit_stride(view.features.moves) as usize * hits;
+        sent + NUMBERS * faces + of_hits + 6 * edges + LEAF * lanes
     }
 }

@@ -37,7 +37,7 @@ impl Pass<'_> {
             client,
             all,
             look_at_cells(
-                job.views(&self.scene, Features::default()),
+                job.views(&self.client, &self.scene, Features::default()),
                 grid(),
                 table,
                 self.loss(1.0),

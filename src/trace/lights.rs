@@ -159,7 +159,7 @@ pub(crate) fn radiance_of(scene: &Scene, k: u32, weights: V2, cosine: f32) -> V3
 
 /// Returns light that reaches the camera from one light by a path's point after `bounce` bounces. After the first
 /// surface it is scaled down to the limit of indirect light, if there is one.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn limited(scene: &Scene, light: V3, bounce: u32) -> V3 {
     let mut limited = light;

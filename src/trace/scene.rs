@@ -28,6 +28,14 @@ macro_rules! lists {
             $($(#[$of_float])* pub $float: &'a [f32],)*
             $($(#[$of_word])* pub $word: &'a [u32],)*
             $($(#[$of_number])* pub $number: u32,)*
+            /// All floats of the buffer by four, if they can be loaded so, and where the nodes and triangles for rays
+            /// begin in them.
+            #[cfg(feature = "gpu")]
+            pub fours: Fours<'a>,
+            #[cfg(feature = "gpu")]
+            pub first_node: u32,
+            #[cfg(feature = "gpu")]
+            pub first_hit: u32,
             #[cfg_attr(feature = "gpu", cube(comptime))]
             pub features: Features,
         }
@@ -74,6 +82,7 @@ macro_rules! lists {
             pub fn of_view(
                 floats: &'a [f32],
                 words: &'a [u32],
+                fours: Fours<'a>,
                 view: u32,
                 #[comptime] features: Features,
             ) -> Scene<'a> {
@@ -82,6 +91,9 @@ macro_rules! lists {
                     $($float: &floats[header[comptime!(HeaderWord::$float as usize)] as usize..],)*
                     $($word: &words[header[comptime!(HeaderWord::$word as usize)] as usize..],)*
                     $($number: header[comptime!(HeaderWord::$number as usize)],)*
+                    fours,
+                    first_node: header[comptime!(HeaderWord::nodes as usize)] / 4,
+                    first_hit: header[comptime!(HeaderWord::hits as usize)] / 4,
                     features,
                 }
             }
@@ -136,8 +148,8 @@ lists! {
         /// The trees over all edges and over moving edges, one behind the other.
         edge_nodes,
         edge_leaves,
-        /// Both bounding boxes of each BVH node that GPUs traverse, and triangles in the form for ray intersection.
-        boxes,
+        /// The BVH nodes that GPUs traverse, and triangles in the form for ray intersection.
+        nodes,
         hits,
         /// Table of the pixel filter; the camera and the other settings of a view.
         filter,
@@ -177,10 +189,7 @@ lists! {
         /// For both trees: where their nodes, children, leaves and edges begin, the child that a draw starts at, and
         /// the number of children it starts at.
         edge_trees,
-        /// Children of BVH nodes that GPUs traverse, first triangle and triangle count of leaves, and the triangles'
-        /// numbers.
-        children,
-        leaves,
+        /// The numbers of the triangles that GPUs intersect with rays.
         hit_numbers,
         /// The number of each object among the counted ones.
         counted,
@@ -204,8 +213,7 @@ lists! {
         distant_count,
         sky_width,
         sky_height,
-        /// The root node or leaf, and the number of triangles that are intersected without a BVH.
-        root,
+        /// The number of triangles that are intersected without a BVH.
         hit_count,
         width,
         height,
@@ -215,6 +223,10 @@ lists! {
         sample_blocks,
     }
 }
+
+/// A list of floats by four.
+#[cfg(feature = "gpu")]
+pub(crate) type Fours<'a> = ComptimeOption<&'a [Vector<f32, Const<4>>]>;
 
 /// Number of words of a header.
 #[cfg(feature = "gpu")]

@@ -73,7 +73,7 @@ pub(crate) fn emitted(scene: &Scene, p: &Point) -> V3 {
 }
 
 /// Returns the albedo that a camera ray sees, in [0, 1]: the color of the BSDF plus the emission.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn albedo_of(scene: &Scene, p: &Point) -> V3 {
     let color = p.shading.albedo() + emitted(scene, p);

@@ -38,7 +38,7 @@ struct FactorsGradient {
 }
 
 /// Returns the tint, which is 1 for clear glass.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn albedo(shading: &Shading) -> V3 {
     shading.diffuse

@@ -33,7 +33,7 @@ struct TermsGradient {
 }
 
 /// Returns the reflectance of the metal along the normal, and for metallic-roughness the base color.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn albedo(shading: &Shading) -> V3 {
     let mut color = shading.diffuse;

@@ -12,7 +12,7 @@ use crate::model::frame::{
 use crate::model::{V3, splat, v3};
 
 /// Returns the sum of both lobes' albedos.
-#[cfg_attr(feature = "wgpu", cube)]
+#[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn albedo(shading: &Shading) -> V3 {
     shading.diffuse + shading.specular
