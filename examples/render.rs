@@ -145,31 +145,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     HostImage::check_room(&arguments.out, size.0, size.1)?;
 
     let (bar, progress) = common::render_progress("rendering");
-    let mut options = RenderOptions::new(size.0, size.1)
-        .with_samples(arguments.spp)
-        .with_bounces(arguments.bounces)
-        .with_visibility(match arguments.softmax {
-            Some([sigma, gamma]) => Visibility::softmax(sigma, gamma),
-            None => Visibility::Cone {
-                angle: arguments.angle,
-                pixels: arguments.pixels,
-            },
-        })
-        .with_sampling(match arguments.sampling {
-            Sampled::Default => Sampling::default(),
-            Sampled::Plain => Sampling::paper(),
-        })
-        .with_seed(arguments.seed)
-        .with_progress(progress);
-    if arguments.adaptive {
-        options = options.with_adaptive();
-    }
-    if let Some(radiance) = arguments.clamp {
-        options = options.with_indirect_clamp(radiance);
-    }
-    if arguments.denoiser_inputs {
-        options = options.with_albedo().with_normals();
-    }
+    let options = options(arguments, size).with_progress(progress);
     let start = Instant::now();
     let mut image = render(&scene, &camera, &options)?;
     let mut host = HostImage::from_tensor(&image.radiance)?;
@@ -208,6 +184,35 @@ pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         println!("mean_ratio {}", host.mean_ratio(&reference));
     }
     Ok(())
+}
+
+/// Returns the options of the render.
+fn options(arguments: &Arguments, (width, height): (usize, usize)) -> RenderOptions {
+    let mut options = RenderOptions::new(width, height)
+        .with_samples(arguments.spp)
+        .with_bounces(arguments.bounces)
+        .with_visibility(match arguments.softmax {
+            Some([sigma, gamma]) => Visibility::softmax(sigma, gamma),
+            None => Visibility::Cone {
+                angle: arguments.angle,
+                pixels: arguments.pixels,
+            },
+        })
+        .with_sampling(match arguments.sampling {
+            Sampled::Default => Sampling::default(),
+            Sampled::Plain => Sampling::paper(),
+        })
+        .with_seed(arguments.seed);
+    if arguments.adaptive {
+        options = options.with_adaptive();
+    }
+    if let Some(radiance) = arguments.clamp {
+        options = options.with_indirect_clamp(radiance);
+    }
+    if arguments.denoiser_inputs {
+        options = options.with_albedo().with_normals();
+    }
+    options
 }
 
 /// Returns the image to write, with the exposure applied.
