@@ -10,8 +10,8 @@ use super::triangle::HostTriangle;
 use super::wide::{Boxes, Leaf, Node, Wide};
 
 impl Wide {
-    pub fn new(triangles: &[HostTriangle], tree: Option<&Bvh2>, extent: f64) -> Self {
-        let moves = triangles.iter().any(|t| t.velocity != DVec3::ZERO);
+    pub fn new(triangles: &[HostTriangle], tree: Option<&Bvh2>) -> Self {
+        let (extent, moves) = reach(triangles);
         let mut wide = Self {
             nodes: Vec::new(),
             leaves: Vec::new(),
@@ -47,14 +47,16 @@ impl Wide {
         2 * (self.leaves.len() as u32 - 1) + 1
     }
 
-    /// Refits the tree to triangles that moved.
-    pub fn fit(&mut self, triangles: &[HostTriangle], extent: f64) {
+    /// Refits the tree to the triangles that `moved`.
+    pub fn fit(&mut self, triangles: &[HostTriangle], moved: &[bool]) {
         let of_leaves = self.leaves.par_iter_mut().zip(&mut self.boxes);
         of_leaves.for_each(|(leaf, boxes)| {
-            *leaf = Leaf::new(triangles, leaf.list());
-            *boxes = Boxes::new(triangles, leaf.list());
+            if leaf.list().iter().any(|&k| moved[k as usize]) {
+                *leaf = Leaf::new(triangles, leaf.list());
+                *boxes = Boxes::new(triangles, leaf.list());
+            }
         });
-        let moves = triangles.par_iter().any(|t| t.velocity != DVec3::ZERO);
+        let (extent, moves) = reach(triangles);
         self.velocities = moves.then(|| {
             let leaves = self.leaves.par_iter();
             leaves.map(|l| velocities(triangles, l.list())).collect()
@@ -133,6 +135,19 @@ impl Wide {
         }
         2 * at as u32
     }
+}
+
+/// Returns the largest distance of a corner from the origin of coordinates, and whether any triangle moves over the
+/// shutter.
+fn reach(triangles: &[HostTriangle]) -> (f64, bool) {
+    let of_triangle = |t: &HostTriangle| {
+        let far = |c: DVec3| c.length_squared().max((c + t.velocity).length_squared());
+        let far = t.corners.map(far).into_iter().fold(0.0, f64::max);
+        (far, t.velocity != DVec3::ZERO)
+    };
+    let both = |a: (f64, bool), b: (f64, bool)| (a.0.max(b.0), a.1 || b.1);
+    let (far, moves) = (triangles.par_iter().map(of_triangle)).reduce(|| (0.0, false), both);
+    (far.sqrt(), moves)
 }
 
 /// Returns the median size of leaves, where a size is the root of half the area.

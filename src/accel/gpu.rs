@@ -54,17 +54,21 @@ impl GpuTree {
             }
             None => tree.triangles = (0..triangles.len() as u32).collect(),
         }
-        tree.fit(triangles);
+        tree.fit(triangles, |_| true);
         tree
     }
 
-    /// Refits the boxes to triangles.
-    pub(super) fn fit(&mut self, triangles: &[HostTriangle]) {
+    /// Refits the boxes to the triangles that `moved`.
+    pub(super) fn fit(&mut self, triangles: &[HostTriangle], moved: impl Fn(u32) -> bool + Sync) {
         let list = &self.triangles;
         self.nodes.par_iter_mut().for_each(|node| {
             for side in 0..2 {
-                if let Some(range) = leaf(child(node, side)) {
-                    let boxes = list[range].iter().map(|&k| triangles[k as usize].swept());
+                let Some(range) = leaf(child(node, side)) else {
+                    continue;
+                };
+                let leaf = &list[range];
+                if leaf.iter().any(|&k| moved(k)) {
+                    let boxes = leaf.iter().map(|&k| triangles[k as usize].swept());
                     set(node, side, boxes.fold(Aabb::INVALID, |a, b| a.union(&b)));
                 }
             }

@@ -45,7 +45,7 @@ impl Hierarchy {
             false => (None, true),
         };
         let gathered = nodes.as_ref().filter(|_| triangles.len() > FEW);
-        let wide = Wide::new(&triangles, gathered, extent(&triangles));
+        let wide = Wide::new(&triangles, gathered);
         Self {
             cost: wide.cost(),
             wide,
@@ -67,14 +67,21 @@ impl Hierarchy {
     ) -> bool {
         let alike = self.complete && !self.wide.nodes.is_empty();
         let alike = alike && self.triangles.len() == triangles.len();
-        triangles.collect_into_vec(&mut self.triangles);
-        if alike {
-            self.wide.fit(&self.triangles, extent(&self.triangles));
+        if !alike {
+            triangles.collect_into_vec(&mut self.triangles);
+        } else {
+            let replaced = triangles.zip(&mut self.triangles).map(|(new, old)| {
+                let moved = (new.corners, new.velocity) != (old.corners, old.velocity);
+                *old = new;
+                moved
+            });
+            let moved: Vec<bool> = replaced.collect();
+            self.wide.fit(&self.triangles, &moved);
             if self.wide.cost() <= 1.5 * self.cost {
                 #[cfg(feature = "gpu")]
                 if let Some(last) = self.for_gpu.take() {
                     let mut tree = Arc::unwrap_or_clone(last);
-                    tree.fit(&self.triangles);
+                    tree.fit(&self.triangles, |k| moved[k as usize]);
                     self.for_gpu = OnceLock::from(Arc::new(tree));
                 }
                 return true;
@@ -105,14 +112,6 @@ impl Hierarchy {
         let alike = self.complete && self.triangles.len() == count;
         alike && self.triangles.par_iter().enumerate().all(same)
     }
-}
-
-fn extent(triangles: &[HostTriangle]) -> f64 {
-    let reach = |t: &HostTriangle| {
-        let far = |c: DVec3| c.length().max((c + t.velocity).length());
-        t.corners.map(far).into_iter().fold(0.0, f64::max)
-    };
-    triangles.par_iter().map(reach).reduce(|| 0.0, f64::max)
 }
 
 /// The hierarchy of the last render. Its boxes are refitted to triangles that moved. They are built again if they have

@@ -34,7 +34,7 @@ impl HostTriangle {
         [0, 1, 2].map(|i| {
             let (from, to) = (self.corners[i], self.corners[(i + 1) % 3]);
             let across = self.normal.cross(to - from);
-            let across = across / across.length();
+            let across = across * across.length().recip();
             (across, -across.dot(from))
         })
     }
