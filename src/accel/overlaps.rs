@@ -5,7 +5,7 @@ use obvhs::aabb::Aabb;
 use pulp::Arch;
 
 use super::hierarchy::Hierarchy;
-use super::simd::{F8, Machine, Task, dispatch};
+use super::simd::{F8, LANES, Machine, Task, dispatch};
 use super::triangle::HostTriangle;
 use super::wide::{Boxes, Leaf, Node, Wide};
 
@@ -14,6 +14,8 @@ pub(crate) struct Overlaps<'a> {
     arch: Arch,
     wide: &'a Wide,
     triangles: &'a [HostTriangle],
+    /// For each node, one more than the largest index of a leaf below it.
+    past: Vec<u32>,
 }
 
 /// A corner counts as on a plane if its distance is less than this, times the coordinates. It is smaller than
@@ -57,10 +59,22 @@ fn overlap<M: Machine>(machine: M, Boxes { min, max }: &Boxes, one: &Aabb) -> u3
 
 impl<'a> Overlaps<'a> {
     pub fn new(hierarchy: &'a Hierarchy) -> Self {
+        let wide = &hierarchy.wide;
+        let mut past = vec![0; wide.nodes.len()];
+        // Children come after their parents.
+        for (at, node) in wide.nodes.iter().enumerate().rev() {
+            let of_child = |&child: &u32| match child % 2 {
+                1 => child / 2 + 1,
+                _ => past[child as usize / 2],
+            };
+            let children = &node.child[..node.count as usize];
+            past[at] = children.iter().map(of_child).max().unwrap_or(0);
+        }
         Self {
             arch: Arch::new(),
-            wide: &hierarchy.wide,
+            wide,
             triangles: &hierarchy.triangles,
+            past,
         }
     }
 
@@ -98,10 +112,17 @@ impl Task for AddPairs<'_> {
     #[inline(always)]
     fn run<M: Machine>(mut self, machine: M) -> bool {
         let wide = self.all.wide;
+        let mut corners = [[Vec3::ZERO; 3]; LANES];
+        if wide.velocities.is_none() {
+            for (i, &k) in wide.leaves[self.leaf].list().iter().enumerate() {
+                let [a, b, c] = &self.all.triangles[k as usize].corners;
+                corners[i] = [a.as_vec3(), b.as_vec3(), c.as_vec3()];
+            }
+        }
         if wide.nodes.is_empty() {
             let mut other = self.leaf;
             while other < wide.leaves.len() {
-                if !self.add(machine, other, &wide.boxes[other].around()) {
+                if !self.add(machine, other, &wide.boxes[other].around(), &corners) {
                     return false;
                 }
                 other += 1;
@@ -109,7 +130,8 @@ impl Task for AddPairs<'_> {
             return true;
         }
         let around = wide.boxes[self.leaf].around();
-        let mut open = vec![0u32];
+        let mut open = Vec::with_capacity(64);
+        open.push(0u32);
         while let Some(at) = open.pop() {
             let node: &Node = &wide.nodes[at as usize / 2];
             let mut met = overlap(machine, &node.boxes, &around) & ((1 << node.count) - 1);
@@ -119,8 +141,12 @@ impl Task for AddPairs<'_> {
                 let child = node.child[slot];
                 let other = child as usize / 2;
                 if child.is_multiple_of(2) {
-                    open.push(child);
-                } else if other >= self.leaf && !self.add(machine, other, &node.boxes.one(slot)) {
+                    if self.all.past[other] as usize > self.leaf {
+                        open.push(child);
+                    }
+                } else if other >= self.leaf
+                    && !self.add(machine, other, &node.boxes.one(slot), &corners)
+                {
                     return false;
                 }
             }
@@ -130,9 +156,16 @@ impl Task for AddPairs<'_> {
 }
 
 impl AddPairs<'_> {
-    /// Adds the pairs with triangles of another leaf, which lie in the box `around`, or the pairs within this leaf.
+    /// Adds the pairs with triangles of another leaf, which lie in the box `around`, or the pairs within this leaf,
+    /// whose triangles at rest have these `corners`.
     #[inline(always)]
-    fn add<M: Machine>(&mut self, machine: M, other: usize, around: &Aabb) -> bool {
+    fn add<M: Machine>(
+        &mut self,
+        machine: M,
+        other: usize,
+        around: &Aabb,
+        corners: &[[Vec3; 3]; LANES],
+    ) -> bool {
         if *self.left == 0 {
             return false;
         }
@@ -147,12 +180,11 @@ impl AddPairs<'_> {
             let i = near.trailing_zeros() as usize;
             near &= near - 1;
             let mut met = overlap(machine, boxes, &own.one(i));
-            if met != 0 && self.all.wide.velocities.is_none() {
-                let corners = self.all.triangles[list.triangle[i] as usize].corners;
-                met &= pass(machine, others, corners.map(|c| c.as_vec3()));
-            }
             if other == self.leaf {
                 met &= !((2 << i) - 1);
+            }
+            if met != 0 && self.all.wide.velocities.is_none() {
+                met &= pass(machine, others, corners[i]);
             }
             while met != 0 {
                 let (k, l) = (
