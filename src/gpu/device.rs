@@ -76,9 +76,9 @@ pub(super) const GROUP: u32 = 64;
 /// Returns the number of workgroups for `threads` threads, and their size.
 pub(super) fn groups(threads: usize) -> (CubeCount, CubeDim) {
     /// Maximum number of workgroups along one axis.
-    const MOST: u32 = 65_535;
+    const MAX_GROUPS: u32 = 65_535;
     let groups = (threads as u32).div_ceil(GROUP).max(1);
-    let count = CubeCount::Static(groups.min(MOST), groups.div_ceil(MOST), 1);
+    let count = CubeCount::Static(groups.min(MAX_GROUPS), groups.div_ceil(MAX_GROUPS), 1);
     (count, CubeDim::new_1d(GROUP))
 }
 

@@ -33,14 +33,14 @@ pub(super) const WHOLE: f32 = 16_777_216.0;
 /// maximum number of its own samples, its first piece, the end of its pieces (exclusive), the number of blocks of the
 /// views up to and including this one, and the bits of the pixel filter's radius. Kernels then write the bits of the
 /// sum of all weights, and the number of the view's samples.
-const ALL: usize = 0;
-pub(super) const MOST: usize = 1;
+const SAMPLES_END: usize = 0;
+pub(super) const MAX_SAMPLES: usize = 1;
 pub(super) const FIRST_PIECE: usize = 2;
 pub(super) const PAST_PIECE: usize = 3;
 pub(super) const BLOCKS: usize = 4;
 pub(super) const RADIUS: usize = 5;
 pub(super) const TOTAL: usize = 6;
-pub(super) const OWN: usize = 7;
+pub(super) const SAMPLES: usize = 7;
 pub(super) const OF_FILM: u32 = 8;
 
 /// The edges on the films of views.
@@ -160,17 +160,17 @@ struct FilmSample {
 #[cube]
 impl FilmSamples {
     fn of_thread(&self, films: &[u32], thread: u32) -> FilmSample {
-        let mut view = view_of(films, self.views, thread, ALL);
+        let mut view = view_of(films, self.views, thread, SAMPLES_END);
         if self.spread > 0 {
             view = thread / self.spread.max(1);
         }
         let film = (OF_FILM * view) as usize;
-        let all = films[film + OWN];
+        let all = films[film + SAMPLES];
         let mut sample = thread;
         if self.spread > 0 {
             sample = ((thread % self.spread) as f32 * (all as f32 / self.spread as f32)) as u32;
         } else {
-            sample = thread - (films[film + ALL] - films[film + MOST]);
+            sample = thread - (films[film + SAMPLES_END] - films[film + MAX_SAMPLES]);
         }
         FilmSample { view, sample, all }
     }
@@ -198,7 +198,7 @@ pub(super) fn film_jumps(
         let film_of = (OF_FILM * which) as usize;
         let total = f32::from_bits(films[film_of + TOTAL]);
         let radius = f32::from_bits(films[film_of + RADIUS]);
-        if sample < own.all && films[film_of + MOST] > 0 {
+        if sample < own.all && films[film_of + MAX_SAMPLES] > 0 {
             let numbers = sampler(&scene, ON_FILM).of_one_pixel().stream(0u32, sample);
             let film = numbers.draw(scene.points, Dimensions::film());
             let at: Exposure = exposure(&scene, &numbers);

@@ -5,8 +5,8 @@ use crate::cube::*;
 
 use super::device::{List, launch};
 use super::film::{
-    BLOCKS, FIRST_PIECE, MOST, OF_FILM, OF_PIECE, OWN, PAST_PIECE, RADIUS, TOTAL, blocks_before,
-    view_of,
+    BLOCKS, FIRST_PIECE, MAX_SAMPLES, OF_FILM, OF_PIECE, PAST_PIECE, RADIUS, SAMPLES, TOTAL,
+    blocks_before, view_of,
 };
 use super::job::Views;
 use super::launch_backward::Pass;
@@ -246,7 +246,7 @@ fn sum_views(
         }
         scales[TYPICAL + ABSOLUTE_POS] = radiance / lit.max(1.0);
         scales[TYPICAL + (grid.views + view) as usize] = weight / (asked as f32).max(1.0);
-        films[film + OWN] = samples_of_film(asked, samples).min(films[film + MOST]);
+        films[film + SAMPLES] = samples_of_film(asked, samples).min(films[film + MAX_SAMPLES]);
         let mut first = 0u32;
         if view > 0 {
             first = films[film - OF_FILM as usize + BLOCKS];

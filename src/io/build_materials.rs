@@ -17,7 +17,7 @@ const ROUGHNESS: usize = 1;
 const METALLIC: usize = 2;
 
 /// Indices of refraction that are nearer to 1 are rendered as this one: without a difference nothing is refracted.
-const LEAST_IOR: f64 = 1.0011;
+const MIN_REFRACTING_IOR: f64 = 1.0011;
 
 const SCALED: &str = "Kd + Ks is above 1 in these materials, so that their Ks is scaled down";
 
@@ -121,8 +121,12 @@ impl<'a> Materials<'a> {
             if !from.solid {
                 self.drops("walls without thickness, which are the surfaces of solids here");
             }
-            let nearly_1 = (from.ior - 1.0).abs() < LEAST_IOR - 1.0;
-            let ior = if nearly_1 { LEAST_IOR } else { from.ior };
+            let nearly_1 = (from.ior - 1.0).abs() < MIN_REFRACTING_IOR - 1.0;
+            let ior = if nearly_1 {
+                MIN_REFRACTING_IOR
+            } else {
+                from.ior
+            };
             return Ok(Material::dielectric(ior, roughness(self)?).with_tint(base));
         }
         if from.transmission > 0.0 && !only_metal {

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use burn::tensor::Tensor;
 
-use super::bsdf::LEAST_CONTRAST;
+use super::bsdf::MIN_CONTRAST;
 use super::parameters::{ParameterId, Visit, look_at_scene, visit_camera};
 use super::texture::{ScalarTexture, Value};
 use super::{Bsdf, Camera, ColorTexture, Material, Object, Parameter, Scene};
@@ -126,7 +126,7 @@ fn check_contrast(name: &str, ior: &ScalarTexture) -> Result<()> {
         return Ok(());
     };
     let expected = "a number that is at least 0.001 away from 1, or nothing is refracted";
-    let refracts = (ior - 1.0).abs() >= LEAST_CONTRAST;
+    let refracts = (ior - 1.0).abs() >= MIN_CONTRAST;
     Error::unless(refracts, name, "ior", ior, expected)
 }
 

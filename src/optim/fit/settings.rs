@@ -21,7 +21,7 @@ const ENTRIES: usize = 4;
 /// What stands between the name and the value of a setting.
 const IS: &str = " = ";
 /// The largest number of settings in a message.
-const MOST_NAMED: usize = 8;
+const MAX_NAMED: usize = 8;
 
 impl<M: Module> Fit<M> {
     /// Returns the settings that must match a checkpoint's, as lines of a name and a value.
@@ -89,9 +89,9 @@ pub(super) fn check_settings(checkpoint: &str, there: &str, now: &str) -> Result
             (there != now).then(|| format!("{name}: {there} there, {now} now"))
         })
         .collect();
-    let mut named = differ[..differ.len().min(MOST_NAMED)].join("; ");
-    if differ.len() > MOST_NAMED {
-        named += &format!("; and {} more", differ.len() - MOST_NAMED);
+    let mut named = differ[..differ.len().min(MAX_NAMED)].join("; ");
+    if differ.len() > MAX_NAMED {
+        named += &format!("; and {} more", differ.len() - MAX_NAMED);
     }
     Error::unless(
         differ.is_empty(),

@@ -12,7 +12,7 @@ use super::forward::camera_tiles;
 use super::prepare::Places;
 use super::rows::Rows;
 use crate::kernel::{FilmEdges, HostSums, ON_FILM, PixelGradients, Seen, View, Work, Yields};
-use crate::model::film::{MOST, samples_of_film};
+use crate::model::film::{MAX_EDGE_SAMPLES, samples_of_film};
 use crate::model::integers::hashed;
 use crate::model::jumps::usual_searches;
 use crate::render::options::RenderOptions;
@@ -28,9 +28,9 @@ const VIEWS_AT_ONCE: usize = 16;
 /// others.
 const FIRST: u32 = 8;
 /// The minimum number of paths for this measurement.
-const LEAST_PATHS: u64 = 8192;
+const MIN_PATHS: u64 = 8192;
 /// The least number of pixels that go first.
-const LEAST_FIRST: usize = 32;
+const MIN_FIRST_PIXELS: usize = 32;
 /// One film edge sample in this many is drawn first, for the measurement. It is not part of the result.
 const FIRST_ON_FILM: u32 = 32;
 
@@ -164,7 +164,7 @@ impl Backward {
         let counted = upstream
             .iter()
             .filter(|(p, g)| first(*p) && *g != Seen::default());
-        let enough = asked.paths >= LEAST_PATHS && counted.count() >= LEAST_FIRST;
+        let enough = asked.paths >= MIN_PATHS && counted.count() >= MIN_FIRST_PIXELS;
         if self.shares && jumps && enough {
             let mut yields = of_pixels(usual, &first).times(f64::from(FIRST));
             if let Some(film) = film {
@@ -178,7 +178,7 @@ impl Backward {
         }
         if let Some(film) = film {
             let count = (film.samples as f32 * shares[ON_FILM]) as u32;
-            film.add(view, 0..count.clamp(1, MOST), accumulators, all);
+            film.add(view, 0..count.clamp(1, MAX_EDGE_SAMPLES), accumulators, all);
         }
     }
 }
@@ -256,7 +256,8 @@ impl Film {
     fn first(&self, view: &View) -> Yields {
         let count = self.samples.div_ceil(FIRST_ON_FILM);
         let mut sums = HostSums::new(&view.scene, &view.wanted);
-        let mut yields = self.add(view, MOST..MOST + count, 4, &mut sums);
+        let pilot = MAX_EDGE_SAMPLES..MAX_EDGE_SAMPLES + count;
+        let mut yields = self.add(view, pilot, 4, &mut sums);
         // Each sample was one of `count`. Squares fall as the number of samples grows.
         let of = &mut yields.edges[ON_FILM];
         of.squares /= f64::from(FIRST_ON_FILM).powi(2);

@@ -210,7 +210,7 @@ fn the_same_emitters_lie_along_a_ray() {
             EmitterSampling::SolidAngle,
         );
         let (lists, mut met) = (all.lists(), Met::default());
-        let mut room = vec![0; EmitterKinds::MOST_ROOM];
+        let mut room = vec![0; EmitterKinds::MAX_ROOM];
         for k in 0..2000 {
             let (a, b) = ((0.37 * k as f32).sin(), (0.61 * k as f32).cos());
             let at = Receiver {
