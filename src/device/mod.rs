@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn other_backends_are_told_what_to_do() {
+    fn errors_of_other_backends_say_what_to_do() {
         let said = of_another_backend("Remote(ws://host:3000)".into()).to_string();
         for part in [
             "device Remote(ws://host:3000)",

@@ -168,7 +168,7 @@ fn what_does_not_fit_is_named() {
     says(&error, ["no-such-folder"]);
 }
 
-/// A file's names have a version: a newer one is refused, and names from before it are told with today's.
+/// A file's names have a version: a newer one is refused, and an error about older names lists today's.
 #[test]
 fn names_have_a_version() {
     use burn::module::Param;

@@ -287,7 +287,7 @@ fn engines_agree_on_all_of_it() {
 }
 
 #[test]
-fn mistakes_are_told() {
+fn mistakes_are_errors() {
     let see = |object: Object| {
         message(render(
             &lit(object).0,
