@@ -213,7 +213,7 @@ fn materials_and_textures() {
     }
 }
 
-/// What this crate doesn't render causes one warning.
+/// What this crate doesn't render causes warnings, each once.
 #[test]
 fn what_is_not_rendered_warns() {
     let mut file = Gltf::square();
