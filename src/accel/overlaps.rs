@@ -75,7 +75,7 @@ impl<'a> Overlaps<'a> {
         dispatch(
             self.arch,
             AddPairs {
-                all: self,
+                overlaps: self,
                 leaf,
                 left,
                 pairs,
@@ -86,7 +86,7 @@ impl<'a> Overlaps<'a> {
 
 /// [`Overlaps::add_pairs`] as a task.
 struct AddPairs<'a> {
-    all: &'a Overlaps<'a>,
+    overlaps: &'a Overlaps<'a>,
     leaf: usize,
     left: &'a mut usize,
     pairs: &'a mut Vec<[u32; 2]>,
@@ -97,7 +97,7 @@ impl Task for AddPairs<'_> {
 
     #[inline(always)]
     fn run<M: Machine>(mut self, machine: M) -> bool {
-        let wide = self.all.wide;
+        let wide = self.overlaps.wide;
         if wide.nodes.is_empty() {
             let mut other = self.leaf;
             while other < wide.leaves.len() {
@@ -137,18 +137,21 @@ impl AddPairs<'_> {
             return false;
         }
         *self.left -= 1;
-        let (own, boxes) = (&self.all.wide.boxes[self.leaf], &self.all.wide.boxes[other]);
+        let (own, boxes) = (
+            &self.overlaps.wide.boxes[self.leaf],
+            &self.overlaps.wide.boxes[other],
+        );
         let (list, others) = (
-            &self.all.wide.leaves[self.leaf],
-            &self.all.wide.leaves[other],
+            &self.overlaps.wide.leaves[self.leaf],
+            &self.overlaps.wide.leaves[other],
         );
         let mut near = overlap(machine, own, around) & list.used;
         while near != 0 {
             let i = near.trailing_zeros() as usize;
             near &= near - 1;
             let mut met = overlap(machine, boxes, &own.one(i));
-            if met != 0 && self.all.wide.velocities.is_none() {
-                let corners = self.all.triangles[list.triangle[i] as usize].corners;
+            if met != 0 && self.overlaps.wide.velocities.is_none() {
+                let corners = self.overlaps.triangles[list.triangle[i] as usize].corners;
                 met &= pass(machine, others, corners.map(|c| c.as_vec3()));
             }
             if other == self.leaf {

@@ -247,10 +247,10 @@ fn on_gpu(name: &str, kind: burn::tensor::DeviceKind, api: WgpuBackend) -> Resul
 #[cfg(any(feature = "cuda", feature = "rocm"))]
 fn available(
     name: &str,
-    found: std::result::Result<burn::cubecl::Device, impl ToString>,
+    result: std::result::Result<burn::cubecl::Device, impl ToString>,
     device: impl FnOnce() -> Device,
 ) -> Result<Device> {
-    match found {
+    match result {
         Ok(_) => Ok(device()),
         Err(reason) => Err(Error::device(name, reason.to_string())),
     }

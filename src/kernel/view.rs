@@ -123,7 +123,7 @@ impl View {
             lens: self.camera.aperture > 0.0,
             parallel: self.camera.parallel,
             // BSDF sampling also generates points on emitters.
-            combined: settings.multiple_importance && !self.scene.emitters.all().is_empty(),
+            combined: settings.multiple_importance && !self.scene.emitters.triangles().is_empty(),
             sees_sky: shines && !gathers_map,
             gathers_map,
             cones: self.cone > 0.0,

@@ -283,7 +283,7 @@ impl Emitters {
                 let triangles = triangles.filter(|&k| k < self.list.len());
                 self.each_hit(triangles, at, direction, visit);
             }
-            _ => self.each_hit(self.all(), at, direction, visit),
+            _ => self.each_hit(self.triangles(), at, direction, visit),
         }
     }
 
@@ -306,7 +306,7 @@ impl Emitters {
     }
 
     /// Returns the numbers of all triangles.
-    pub fn all(&self) -> std::ops::Range<usize> {
+    pub fn triangles(&self) -> std::ops::Range<usize> {
         0..self.list.len()
     }
 }
