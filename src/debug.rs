@@ -9,7 +9,7 @@ use burn::tensor::{DType, Device, Tensor};
 use crate::device;
 
 /// The largest number of values for which a list is shown in full.
-const FEW: usize = 12;
+const MAX_LISTED: usize = 12;
 
 /// A text that is shown without quotes.
 pub(crate) struct Text(pub String);
@@ -48,7 +48,7 @@ pub(crate) fn parameter<const D: usize>(p: &Param<Tensor<D>>) -> Text {
 /// Formats numbers, or the count, minimum and maximum of a long list.
 pub(crate) fn numbers(list: impl ExactSizeIterator<Item = f64> + Clone) -> Text {
     let count = list.len();
-    if count <= FEW {
+    if count <= MAX_LISTED {
         return Text(format!("{:?}", list.collect::<Vec<_>>()));
     }
     let finite = || list.clone().filter(|v| v.is_finite());
@@ -82,7 +82,7 @@ pub(crate) fn place(device: &Device, dtype: DType) -> String {
 /// The values of a short list as text. A single number has no brackets.
 fn short_list<const D: usize>(t: &Tensor<D>) -> Option<String> {
     let count: usize = t.dims().iter().product();
-    if D != 1 || count > FEW {
+    if D != 1 || count > MAX_LISTED {
         return None;
     }
     let data = t.clone().inner().try_into_data().ok()?;

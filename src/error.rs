@@ -183,9 +183,9 @@ fn no_triangles(path: Option<&Path>, objects: usize) -> String {
 /// Returns a list of valid names for error messages.
 pub(crate) fn one_of<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     /// The maximum number of listed names.
-    const MOST: usize = 16;
+    const MAX_NAMES: usize = 16;
     let mut names = names.into_iter();
-    let some: Vec<&str> = names.by_ref().take(MOST).collect();
+    let some: Vec<&str> = names.by_ref().take(MAX_NAMES).collect();
     match names.count() {
         0 if some.is_empty() => "a name, but there is none to choose from".into(),
         0 => format!("one of {some:?}"),

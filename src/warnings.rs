@@ -13,7 +13,7 @@ use log::{LevelFilter, max_level};
 const VARIABLE: &str = "SOFTRAY_WARNINGS";
 
 /// The most different warnings from one place in the code that are printed.
-const MOST: usize = 8;
+const MAX_PER_PLACE: usize = 8;
 
 static HIDDEN: AtomicBool = AtomicBool::new(false);
 
@@ -51,12 +51,12 @@ pub(crate) fn warn(text: impl Display) {
     let text = text.to_string();
     let mut printed = PRINTED.lock().unwrap_or_else(PoisonError::into_inner);
     let of_place = printed.entry(Location::caller()).or_default();
-    if of_place.len() >= MOST || of_place.contains(&text) {
+    if of_place.len() >= MAX_PER_PLACE || of_place.contains(&text) {
         return;
     }
     let mut lines = format!("softray: warning: {text}\n");
     of_place.push(text);
-    if of_place.len() == MOST {
+    if of_place.len() == MAX_PER_PLACE {
         lines += "softray: more warnings of this kind are not printed; a logger receives all\n";
     }
     // A failure is ignored, so that the program continues.

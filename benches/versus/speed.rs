@@ -29,7 +29,7 @@ pub struct Speed {
     /// Times of all cores together, without what else they do, in place of the clock's: on Linux, in 1/100 s.
     #[arg(long)]
     cpu: bool,
-    /// The device, such as `flex` or `vulkan`; of GPUs the time of the first render, with compilation, is told.
+    /// The device, such as `flex` or `vulkan`; of GPUs the time of the first render, with compilation, is printed.
     #[arg(long, default_value = "flex")]
     device: String,
     /// The program of tensor operations in place of kernels.

@@ -149,7 +149,7 @@ impl Dataset {
     }
 
     /// Returns the numbers of items and of views per item.
-    pub fn all(&self) -> (usize, usize) {
+    pub fn counts(&self) -> (usize, usize) {
         (self.items.len(), self.views.first().map_or(0, Vec::len))
     }
 

@@ -65,7 +65,7 @@ pub fn predict_and_measure(
     device: &Device,
 ) -> softray::Result<[f64; 2]> {
     let bodies = predict(data, network, decoder, device);
-    overlap(data, data.all(), device, |i| {
+    overlap(data, data.counts(), device, |i| {
         decoder.scene(&bodies, i, &data.items[i].light)
     })
 }
@@ -135,12 +135,12 @@ impl Baselines {
                 (scale, best) = (tried, input);
             }
         }
-        let all = validation.all();
+        let counts = validation.counts();
         Ok(Self {
-            mean: measure(validation, all, 1.0, false)?,
+            mean: measure(validation, counts, 1.0, false)?,
             scale,
-            scaled: measure(validation, all, scale, false)?,
-            placed: measure(validation, all, scale, true)?,
+            scaled: measure(validation, counts, scale, false)?,
+            placed: measure(validation, counts, scale, true)?,
         })
     }
 }

@@ -138,7 +138,7 @@ mod tests {
     struct Sizes<'a> {
         gradients: &'a GradientsParams,
         path: Vec<String>,
-        found: Vec<(String, f64)>,
+        squares: Vec<(String, f64)>,
     }
 
     impl ModuleVisitor for Sizes<'_> {
@@ -154,7 +154,7 @@ mod tests {
             let gradient = self.gradients.get::<D>(param.id).expect("a gradient");
             let data = gradient.into_data();
             let square = data.iter::<f64>().map(|v| v * v).sum();
-            self.found.push((self.path.join("."), square));
+            self.squares.push((self.path.join("."), square));
         }
     }
 
@@ -201,14 +201,14 @@ mod tests {
                 let mut sizes = Sizes {
                     gradients: &found,
                     path: Vec::new(),
-                    found: Vec::new(),
+                    squares: Vec::new(),
                 };
                 network.visit(&mut sizes);
-                assert_eq!(sizes.found.len(), 4 * settings.channels.len() + 10);
-                for (path, square) in &sizes.found {
+                assert_eq!(sizes.squares.len(), 4 * settings.channels.len() + 10);
+                for (path, square) in &sizes.squares {
                     assert!(square.is_finite() && *square > 1e-14, "{path}: {square}");
                 }
-                let square: f64 = sizes.found.iter().map(|f| f.1).sum();
+                let square: f64 = sizes.squares.iter().map(|f| f.1).sum();
                 const RATE: f64 = 2e-4;
                 let value = |rate: f64| -> softray::Result<f64> {
                     let mut descent: ModuleOptimizer = SgdConfig::new().init();

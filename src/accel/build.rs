@@ -180,7 +180,7 @@ mod tests {
     }
 
     /// Returns the triangles of a tree's leaves, sorted.
-    fn found(tree: &Bvh2) -> Vec<u32> {
+    fn triangles_of_leaves(tree: &Bvh2) -> Vec<u32> {
         let leaves = tree.nodes.iter().filter(|n| n.is_leaf());
         let of_leaf = |n: &obvhs::bvh2::node::Bvh2Node| {
             let first = n.first_index as usize;
@@ -208,12 +208,16 @@ mod tests {
         let mut wanted: Vec<u32> = (0..900).filter(|&k| k != 4 * 30 + 3).collect();
         wanted.extend(free.into_iter().take(COPIES as usize).chain(bound));
         wanted.sort_unstable();
-        assert!(found(&kept) == wanted, "{}", found(&kept).len());
+        assert!(
+            triangles_of_leaves(&kept) == wanted,
+            "{}",
+            triangles_of_leaves(&kept).len()
+        );
         // All stay without `spare`, and so do triangles that lie side by side.
         let (whole, complete) = tree(&all, None);
-        assert!(complete && found(&whole).len() == all.len());
+        assert!(complete && triangles_of_leaves(&whole).len() == all.len());
         let side: Vec<HostTriangle> = (0..5000).map(|i| triangle(f64::from(i), 0.0)).collect();
         let (whole, complete) = tree(&side, Some(&spare));
-        assert!(complete && found(&whole).len() == side.len());
+        assert!(complete && triangles_of_leaves(&whole).len() == side.len());
     }
 }

@@ -97,10 +97,10 @@ impl<F: Fn(u32, f32) -> Counts> Task for Candidates<'_, F> {
             reach,
             limit: reach.range.1,
             counts: self.counts,
-            found: Vec::new(),
+            candidates: Vec::new(),
         };
         wide.traverse(&mut search);
-        (search.found, search.limit)
+        (search.candidates, search.limit)
     }
 }
 
@@ -115,7 +115,7 @@ struct Search<'a, M: Machine, F> {
     reach: Reach,
     limit: f64,
     counts: F,
-    found: Vec<Candidate>,
+    candidates: Vec<Candidate>,
 }
 
 impl<M: Machine, F: Fn(u32, f32) -> Counts> Visitor for Search<'_, M, F> {
@@ -172,7 +172,7 @@ impl<M: Machine, F: Fn(u32, f32) -> Counts> Visitor for Search<'_, M, F> {
             if counts == Counts::Not {
                 continue;
             }
-            self.found
+            self.candidates
                 .push((leaf.triangle[i], f64::from(counted[i]) + self.skipped));
             if counts == Counts::Fully && certain >> i & 1 == 1 {
                 let hidden = f64::from(far[i]) + self.skipped + reach.behind;

@@ -8,12 +8,16 @@ use super::build::{Spare, tree};
 #[cfg(feature = "gpu")]
 use super::gpu::GpuTree;
 use super::triangle::HostTriangle;
-use super::wide::{FEW, Wide};
+use super::wide::{MAX_WITHOUT_BOXES, Wide};
 use glam::DVec3;
 use rayon::prelude::*;
 
 /// The largest number of triangles without a binary tree: GPUs test them one by one, a CPU tests eight at once.
-const WITHOUT: usize = if cfg!(feature = "gpu") { 8 } else { FEW };
+const MAX_WITHOUT_TREE: usize = if cfg!(feature = "gpu") {
+    8
+} else {
+    MAX_WITHOUT_BOXES
+};
 
 /// Boxes over triangles, enclosing their motion over the shutter. There are no boxes if there are so few triangles that
 /// testing each is faster.
@@ -37,14 +41,16 @@ pub(crate) struct Hierarchy {
 impl Hierarchy {
     /// Builds boxes over triangles.
     pub fn new(triangles: Vec<HostTriangle>, spare: Spare) -> Self {
-        let (nodes, complete) = match triangles.len() > WITHOUT {
+        let (nodes, complete) = match triangles.len() > MAX_WITHOUT_TREE {
             true => {
                 let (nodes, complete) = tree(&triangles, spare);
                 (Some(nodes), complete)
             }
             false => (None, true),
         };
-        let gathered = nodes.as_ref().filter(|_| triangles.len() > FEW);
+        let gathered = nodes
+            .as_ref()
+            .filter(|_| triangles.len() > MAX_WITHOUT_BOXES);
         let wide = Wide::new(&triangles, gathered);
         Self {
             cost: wide.cost(),

@@ -89,7 +89,7 @@ impl<'a> Overlaps<'a> {
         dispatch(
             self.arch,
             AddPairs {
-                all: self,
+                overlaps: self,
                 leaf,
                 left,
                 pairs,
@@ -100,7 +100,7 @@ impl<'a> Overlaps<'a> {
 
 /// [`Overlaps::add_pairs`] as a task.
 struct AddPairs<'a> {
-    all: &'a Overlaps<'a>,
+    overlaps: &'a Overlaps<'a>,
     leaf: usize,
     left: &'a mut usize,
     pairs: &'a mut Vec<[u32; 2]>,
@@ -111,11 +111,11 @@ impl Task for AddPairs<'_> {
 
     #[inline(always)]
     fn run<M: Machine>(mut self, machine: M) -> bool {
-        let wide = self.all.wide;
+        let wide = self.overlaps.wide;
         let mut corners = [[Vec3::ZERO; 3]; LANES];
         if wide.velocities.is_none() {
             for (i, &k) in wide.leaves[self.leaf].list().iter().enumerate() {
-                let [a, b, c] = &self.all.triangles[k as usize].corners;
+                let [a, b, c] = &self.overlaps.triangles[k as usize].corners;
                 corners[i] = [a.as_vec3(), b.as_vec3(), c.as_vec3()];
             }
         }
@@ -170,10 +170,13 @@ impl AddPairs<'_> {
             return false;
         }
         *self.left -= 1;
-        let (own, boxes) = (&self.all.wide.boxes[self.leaf], &self.all.wide.boxes[other]);
+        let (own, boxes) = (
+            &self.overlaps.wide.boxes[self.leaf],
+            &self.overlaps.wide.boxes[other],
+        );
         let (list, others) = (
-            &self.all.wide.leaves[self.leaf],
-            &self.all.wide.leaves[other],
+            &self.overlaps.wide.leaves[self.leaf],
+            &self.overlaps.wide.leaves[other],
         );
         let mut near = overlap(machine, own, around) & list.used;
         while near != 0 {

@@ -158,26 +158,26 @@ impl Wide {
         rays: &mut [Rays8],
         hits: &mut [Hit],
     ) {
-        let mut found = [[0.0; LANES]; EIGHTS];
+        let mut triangles = [[0.0; LANES]; EIGHTS];
         let none = F8::splat(machine, f32::from_bits(NOTHING)).lanes();
-        for (found, _) in found.iter_mut().zip(&*rays) {
-            *found = none;
+        for (triangle, _) in triangles.iter_mut().zip(&*rays) {
+            *triangle = none;
         }
-        let mut all = InShaft::<M, ANY> {
+        let mut search = InShaft::<M, ANY> {
             wide: self,
             machine,
             shaft,
             limit: 0.0,
             rays,
-            found: &mut found,
+            triangles: &mut triangles,
         };
-        all.limit = all.farthest();
-        self.traverse(&mut all);
+        search.limit = search.farthest();
+        self.traverse(&mut search);
         for (k, hit) in hits.iter_mut().enumerate() {
             let (eight, i) = (&rays[k / LANES], k % LANES);
             *hit = Hit {
                 t: eight.limit[i] + eight.skipped[i],
-                triangle: found[k / LANES][i].to_bits(),
+                triangle: triangles[k / LANES][i].to_bits(),
             };
         }
     }
@@ -193,7 +193,7 @@ struct InShaft<'a, M: Machine, const ANY: bool> {
     limit: f32,
     rays: &'a mut [Rays8],
     /// The triangles that rays hit, as bits.
-    found: &'a mut [Lanes],
+    triangles: &'a mut [Lanes],
 }
 
 impl<M: Machine, const ANY: bool> InShaft<'_, M, ANY> {
@@ -230,13 +230,13 @@ impl<M: Machine, const ANY: bool> Visitor for InShaft<'_, M, ANY> {
         }
         let velocity = self.wide.velocity(index);
         let splat = |x| F8::splat(machine, x);
-        for (eight, found) in self.rays.iter_mut().zip(&mut *self.found) {
+        for (eight, triangles) in self.rays.iter_mut().zip(&mut *self.triangles) {
             let load = |lanes: &Lanes| F8::load(machine, lanes);
             let at_rest = each_of_three!(|x| load(x), &eight.origin);
             let direction = each_of_three!(|x| load(x), &eight.direction);
             let (less_time, from) = (load(&eight.less_time), load(&eight.from));
             let below = splat(0.0) - load(&eight.margin);
-            let (mut limit, mut which) = (load(&eight.limit), load(found));
+            let (mut limit, mut which) = (load(&eight.limit), load(triangles));
             let mut left = met;
             while left != 0 {
                 let i = left.trailing_zeros() as usize % LANES;
@@ -256,7 +256,7 @@ impl<M: Machine, const ANY: bool> Visitor for InShaft<'_, M, ANY> {
                 which = hit.select(splat(f32::from_bits(leaf.triangle[i])), which);
             }
             eight.limit = limit.lanes();
-            *found = which.lanes();
+            *triangles = which.lanes();
         }
         self.limit = self.farthest();
         self.limit > f32::MIN

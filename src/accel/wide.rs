@@ -6,7 +6,7 @@ use glam::Vec3;
 use obvhs::aabb::Aabb;
 
 /// Up to this many triangles are tested without boxes.
-pub(super) const FEW: usize = 64;
+pub(super) const MAX_WITHOUT_BOXES: usize = 64;
 
 /// The corners of eight boxes. Missing boxes are never hit.
 #[derive(Clone)]

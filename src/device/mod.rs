@@ -247,10 +247,10 @@ fn on_gpu(name: &str, kind: burn::tensor::DeviceKind, api: WgpuBackend) -> Resul
 #[cfg(any(feature = "cuda", feature = "rocm"))]
 fn available(
     name: &str,
-    found: std::result::Result<burn::cubecl::Device, impl ToString>,
+    result: std::result::Result<burn::cubecl::Device, impl ToString>,
     device: impl FnOnce() -> Device,
 ) -> Result<Device> {
-    match found {
+    match result {
         Ok(_) => Ok(device()),
         Err(reason) => Err(Error::device(name, reason.to_string())),
     }
@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn other_backends_are_told_what_to_do() {
+    fn errors_of_other_backends_say_what_to_do() {
         let said = of_another_backend("Remote(ws://host:3000)".into()).to_string();
         for part in [
             "device Remote(ws://host:3000)",

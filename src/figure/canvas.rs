@@ -16,7 +16,7 @@ pub(super) type Rgb = [u8; 3];
 const FRAME: Rgb = [190; 3];
 const BLACK: Rgb = [0; 3];
 /// The maximum number of pixels of a page.
-const MOST: u64 = 1 << 27;
+const MAX_PIXELS: u64 = 1 << 27;
 
 /// A white page. Positions are relative to a movable corner.
 pub(super) struct Canvas {
@@ -49,14 +49,14 @@ impl Canvas {
     /// If the page would have no pixels, or too many.
     pub fn new(width: usize, height: usize, font: Font) -> Result<Self> {
         let sides = u32::try_from(width).ok().zip(u32::try_from(height).ok());
-        let page = sides.filter(|&(w, h)| u64::from(w) * u64::from(h) <= MOST);
+        let page = sides.filter(|&(w, h)| u64::from(w) * u64::from(h) <= MAX_PIXELS);
         let page = page.and_then(|(w, h)| Pixmap::new(w, h));
         let Some(mut page) = page else {
             return Err(Error::invalid(
                 "figure",
                 "size",
                 format!("{width} × {height}"),
-                format!("at least one pixel and at most {MOST}"),
+                format!("at least one pixel and at most {MAX_PIXELS}"),
             ));
         };
         page.fill(Color::WHITE);

@@ -108,7 +108,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_are_no_wider_than_asked() {
+    fn lines_are_no_wider_than_the_limit() {
         let font = Font::new().expect("a font");
         let text =
             "difference of the render and its target, averagedoverallthreechannelsofcolor\nend";

@@ -6,7 +6,7 @@ use super::camera::{Beginning, begin, camera};
 use super::hit::Memory;
 use super::job::PathAt;
 use super::records::{
-    ESCAPED, MOST_ALONG, OF_BITS, OF_SURVIVAL, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP,
+    ESCAPED, MAX_BIT_ALONG, OF_BITS, OF_SURVIVAL, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP,
     SAW_MAP_ALONG, WENT_ON,
 };
 use crate::model::bsdf::Scatter;
@@ -171,7 +171,7 @@ fn emitters_backward(
     by: &mut PointGradient,
 ) -> V3 {
     let mut by_throughput = splat(0.0);
-    let seen_along = (v.bits >> 1) & ((1u32 << MOST_ALONG) - 1);
+    let seen_along = (v.bits >> 1) & ((1u32 << MAX_BIT_ALONG) - 1);
     if v.bits & SAW_EMITTER != 0 || seen_along != 0 {
         let x = v.point.position;
         let at = receiver_of(&v.point, path.time);
@@ -181,7 +181,7 @@ fn emitters_backward(
         let combined = comptime!(scene.features.combined) && v.point.shading.glossy;
         let mut next = 0u32;
         let mut bit = SAW_EMITTER.runtime();
-        while bit < (2u32 << MOST_ALONG) && next != NONE {
+        while bit < (2u32 << MAX_BIT_ALONG) && next != NONE {
             let along = bit >= SAW_ALONG;
             let mut place = EmitterPlace::none();
             if along {

@@ -76,9 +76,9 @@ pub(super) const GROUP: u32 = 64;
 /// Returns the number of workgroups for `threads` threads, and their size.
 pub(super) fn groups(threads: usize) -> (CubeCount, CubeDim) {
     /// Maximum number of workgroups along one axis.
-    const MOST: u32 = 65_535;
+    const MAX_GROUPS: u32 = 65_535;
     let groups = (threads as u32).div_ceil(GROUP).max(1);
-    let count = CubeCount::Static(groups.min(MOST), groups.div_ceil(MOST), 1);
+    let count = CubeCount::Static(groups.min(MAX_GROUPS), groups.div_ceil(MAX_GROUPS), 1);
     (count, CubeDim::new_1d(GROUP))
 }
 
@@ -223,8 +223,8 @@ fn fits(bindings: u32, bytes: u64, lists: &[(&str, usize)]) -> Result<(), String
 pub(super) fn without_backtrace(error: impl ToString) -> String {
     let text = error.to_string();
     let lines = text.lines().map(str::trim);
-    let told = lines.take_while(|line| !line.starts_with("Backtrace"));
-    told.collect::<Vec<_>>().join(" ")
+    let message = lines.take_while(|line| !line.starts_with("Backtrace"));
+    message.collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
@@ -232,7 +232,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_device_that_allows_too_little_is_told() {
+    fn a_device_that_allows_too_little_is_an_error() {
         let lists = [("the scene", 1000), ("the image", 3000)];
         assert_eq!(fits(7, 12_000, &lists), Ok(()));
         let said = fits(6, 12_000, &lists).expect_err("few bindings");

@@ -33,14 +33,14 @@ pub(super) const WHOLE: f32 = 16_777_216.0;
 /// maximum number of its own samples, its first piece, the end of its pieces (exclusive), the number of blocks of the
 /// views up to and including this one, and the bits of the pixel filter's radius. Kernels then write the bits of the
 /// sum of all weights, and the number of the view's samples.
-const ALL: usize = 0;
-pub(super) const MOST: usize = 1;
+const SAMPLES_END: usize = 0;
+pub(super) const MAX_SAMPLES: usize = 1;
 pub(super) const FIRST_PIECE: usize = 2;
 pub(super) const PAST_PIECE: usize = 3;
 pub(super) const BLOCKS: usize = 4;
 pub(super) const RADIUS: usize = 5;
 pub(super) const TOTAL: usize = 6;
-pub(super) const OWN: usize = 7;
+pub(super) const SAMPLES: usize = 7;
 pub(super) const OF_FILM: u32 = 8;
 
 /// The edges on the films of views.
@@ -154,25 +154,29 @@ pub(super) struct FilmSamples {
 struct FilmSample {
     view: u32,
     sample: u32,
-    all: u32,
+    total: u32,
 }
 
 #[cube]
 impl FilmSamples {
     fn of_thread(&self, films: &[u32], thread: u32) -> FilmSample {
-        let mut view = view_of(films, self.views, thread, ALL);
+        let mut view = view_of(films, self.views, thread, SAMPLES_END);
         if self.spread > 0 {
             view = thread / self.spread.max(1);
         }
         let film = (OF_FILM * view) as usize;
-        let all = films[film + OWN];
+        let total = films[film + SAMPLES];
         let mut sample = thread;
         if self.spread > 0 {
-            sample = ((thread % self.spread) as f32 * (all as f32 / self.spread as f32)) as u32;
+            sample = ((thread % self.spread) as f32 * (total as f32 / self.spread as f32)) as u32;
         } else {
-            sample = thread - (films[film + ALL] - films[film + MOST]);
+            sample = thread - (films[film + SAMPLES_END] - films[film + MAX_SAMPLES]);
         }
-        FilmSample { view, sample, all }
+        FilmSample {
+            view,
+            sample,
+            total,
+        }
     }
 }
 
@@ -189,16 +193,16 @@ pub(super) fn film_jumps(
 ) {
     if ABSOLUTE_POS < samples.threads as usize {
         let thread = samples.first + ABSOLUTE_POS as u32;
-        let own = samples.of_thread(films, thread);
-        let which = own.view;
-        let sample = own.sample;
+        let film_sample = samples.of_thread(films, thread);
+        let which = film_sample.view;
+        let sample = film_sample.sample;
         let scene = views.scene(which);
         let sums = adding.of_thread(&scene, loss.scales, thread);
         let places = &films[(OF_FILM * samples.views) as usize..];
         let film_of = (OF_FILM * which) as usize;
         let total = f32::from_bits(films[film_of + TOTAL]);
         let radius = f32::from_bits(films[film_of + RADIUS]);
-        if sample < own.all && films[film_of + MOST] > 0 {
+        if sample < film_sample.total && films[film_of + MAX_SAMPLES] > 0 {
             let numbers = sampler(&scene, ON_FILM).of_one_pixel().stream(0u32, sample);
             let film = numbers.draw(scene.points, Dimensions::film());
             let at: Exposure = exposure(&scene, &numbers);
@@ -216,7 +220,7 @@ pub(super) fn film_jumps(
             let on: OnSegment = drawn.point(pieces[piece], pieces[piece + 1], total, film.y);
             let c = camera(&scene);
             let edge = pieces[piece + 3] as u32;
-            let mut f: FilmPoint = film_point(&scene, &c, edge, on, own.all, &at);
+            let mut f: FilmPoint = film_point(&scene, &c, edge, on, film_sample.total, &at);
             let mut row = NONE.runtime();
             if drawn.share > 0.0 && f.is_seen {
                 f.project(&scene, &c, sample, radius);

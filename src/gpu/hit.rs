@@ -152,7 +152,7 @@ fn enter(low: V3, high: V3, above: V3, below: V3, inverse: V3, from: f32, limit:
 /// Intersects a ray with triangles that are consecutive in the tree, and updates the nearest hit. With `any`, the
 /// first hit ends the loop.
 #[cube]
-fn meet_all(
+fn meet_triangles(
     scene: &Scene,
     cast: Cast,
     first: u32,
@@ -203,23 +203,23 @@ fn last(distances: &Array<f32>, top: u32, limit: f32) -> u32 {
 pub(super) fn trace(
     scene: &Scene,
     memory: &mut Memory,
-    asked: Ray,
+    ray: Ray,
     unseen: Faces,
     any: bool,
     #[comptime] selects: bool,
 ) -> Hit {
     // The rounding error of a distant origin would exceed the size of triangles. So the ray starts where it is
     // nearest to the origin of coordinates.
-    let along = -asked.origin.dot(asked.direction);
+    let along = -ray.origin.dot(ray.direction);
     let skipped = select(along * along > 256.0, along, 0.0f32);
-    let origin = asked.origin + asked.direction * skipped;
+    let origin = ray.origin + ray.direction * skipped;
     let margin = ROUNDING * (1.0 + origin.abs().max_element());
     let cast = Cast {
         ray: Ray {
             origin,
-            direction: asked.direction,
-            time: asked.time,
-            limit: asked.limit,
+            direction: ray.direction,
+            time: ray.time,
+            limit: ray.limit,
         },
         from: -skipped,
         margin,
@@ -227,14 +227,14 @@ pub(super) fn trace(
         any,
     };
     let mut nearest = Hit {
-        t: (asked.limit - skipped).min(f32::MAX),
+        t: (ray.limit - skipped).min(f32::MAX),
         triangle: NONE.runtime(),
     };
     if comptime!(scene.features.boxes) {
         let inverse = v3(
-            safe_inverse(asked.direction.x),
-            safe_inverse(asked.direction.y),
-            safe_inverse(asked.direction.z),
+            safe_inverse(ray.direction.x),
+            safe_inverse(ray.direction.y),
+            safe_inverse(ray.direction.z),
         );
         let above = origin + splat(margin);
         let below = origin - splat(margin);
@@ -276,7 +276,7 @@ pub(super) fn trace(
             if child != END {
                 let first = child & comptime!((1u32 << OTHERS) - 1);
                 let others = (child >> OTHERS) & 3;
-                meet_all(
+                meet_triangles(
                     scene,
                     cast,
                     first,
@@ -293,7 +293,7 @@ pub(super) fn trace(
             }
         }
     } else {
-        meet_all(scene, cast, 0u32, scene.hit_count, &mut nearest, selects);
+        meet_triangles(scene, cast, 0u32, scene.hit_count, &mut nearest, selects);
     }
     nearest.t += skipped;
     nearest

@@ -125,7 +125,7 @@ pub(super) fn jumps_seen_from(
         let s: Search = search(scene, all.drawn, all.more, &o, of_light, time, choice, sums);
         let tree = select(s.moves, 0u32, 1u32);
         let root = root_of(scene, tree, comptime!(sums.of.edge_nodes));
-        if s.asked && root.count > 0 {
+        if s.is_made && root.count > 0 {
             let drawn: DrawnEdge = draw_edge(&root, edges, &s.query, decided_by(s.u, s.v));
             let mut edge = 0u32;
             let mut per_chance = 0.0f32;

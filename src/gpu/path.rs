@@ -9,7 +9,7 @@ use crate::cube::*;
 use super::camera::{Beginning, begin};
 use super::hit::{Memory, Ray, trace};
 use super::records::{
-    Arrival, ESCAPED, MOST_ALONG, OF_BITS, OF_SURVIVAL, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP,
+    Arrival, ESCAPED, MAX_BIT_ALONG, OF_BITS, OF_SURVIVAL, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP,
     SAW_MAP_ALONG, WENT_ON,
 };
 use super::walk::{
@@ -168,7 +168,7 @@ fn take_light(walk: &mut Walk, light: &mut PathLight, missed: bool, #[comptime] 
     }
     if walk.purpose == TO_EMITTERS_ALONG {
         // The last bit stands for all further emitters; no light hides behind so many others.
-        if walk.bit < (1u32 << MOST_ALONG) {
+        if walk.bit < (1u32 << MAX_BIT_ALONG) {
             walk.bit *= 2;
         }
     } else {

@@ -5,8 +5,8 @@ use crate::cube::*;
 
 use super::device::{List, launch};
 use super::film::{
-    BLOCKS, FIRST_PIECE, MOST, OF_FILM, OF_PIECE, OWN, PAST_PIECE, RADIUS, TOTAL, blocks_before,
-    view_of,
+    BLOCKS, FIRST_PIECE, MAX_SAMPLES, OF_FILM, OF_PIECE, PAST_PIECE, RADIUS, SAMPLES, TOTAL,
+    blocks_before, view_of,
 };
 use super::job::Views;
 use super::launch_backward::Pass;
@@ -125,7 +125,7 @@ fn look_at_cells(
         let scene = views.scene(cell.view);
         let places = &films[(OF_FILM * grid.views) as usize..];
         let mut weight = 0.0f32;
-        let mut asked = 0.0f32;
+        let mut nonzero = 0.0f32;
         let mut radiance = 0.0f32;
         let mut lit = 0.0f32;
         for y in first_y..(first_y + CELL).min(scene.height) {
@@ -139,7 +139,7 @@ fn look_at_cells(
                     let own = g.radiance.abs().element_sum();
                     let all = g.size();
                     if is_nonzero(all) {
-                        asked += 1.0;
+                        nonzero += 1.0;
                     }
                     // Values that are not finite do not count.
                     if is_finite(all) {
@@ -154,7 +154,7 @@ fn look_at_cells(
         }
         let at = grid.at(cell.view, cell.column, cell.row);
         cells[at] = weight;
-        cells[at + 1] = asked;
+        cells[at + 1] = nonzero;
         cells[at + 2] = radiance;
         cells[at + 3] = lit;
     }
@@ -234,19 +234,19 @@ fn sum_views(
         let view = ABSOLUTE_POS as u32;
         let film = (OF_FILM * view) as usize;
         let mut weight = 0.0f32;
-        let mut asked = 0u32;
+        let mut nonzero = 0u32;
         let mut radiance = 0.0f32;
         let mut lit = 0.0f32;
         for row in view * grid.rows..(view + 1) * grid.rows {
             let at = (OF_CELL * row) as usize;
             weight += rows[at];
-            asked += rows[at + 1] as u32;
+            nonzero += rows[at + 1] as u32;
             radiance += rows[at + 2];
             lit += rows[at + 3];
         }
         scales[TYPICAL + ABSOLUTE_POS] = radiance / lit.max(1.0);
-        scales[TYPICAL + (grid.views + view) as usize] = weight / (asked as f32).max(1.0);
-        films[film + OWN] = samples_of_film(asked, samples).min(films[film + MOST]);
+        scales[TYPICAL + (grid.views + view) as usize] = weight / (nonzero as f32).max(1.0);
+        films[film + SAMPLES] = samples_of_film(nonzero, samples).min(films[film + MAX_SAMPLES]);
         let mut first = 0u32;
         if view > 0 {
             first = films[film - OF_FILM as usize + BLOCKS];

@@ -12,11 +12,11 @@ pub(super) const OF_TRIANGLE: u32 = 0;
 pub(super) const OF_BITS: u32 = 11;
 pub(super) const OF_SURVIVAL: u32 = 12;
 /// Bits of a record. They mark visible lights: the sampled emitter, emitters along the BSDF direction (one bit each,
-/// up to [`MOST_ALONG`]), and the map in the sampled direction and in the BSDF direction. The last two bits mark that
-/// the path continued, and that it ended in the environment.
+/// up to [`MAX_BIT_ALONG`]), and the map in the sampled direction and in the BSDF direction. The last two bits mark
+/// that the path continued, and that it ended in the environment.
 pub(super) const SAW_EMITTER: u32 = 1;
 pub(super) const SAW_ALONG: u32 = 2;
-pub(super) const MOST_ALONG: u32 = 26;
+pub(super) const MAX_BIT_ALONG: u32 = 26;
 pub(super) const SAW_MAP: u32 = 1 << 28;
 pub(super) const SAW_MAP_ALONG: u32 = 1 << 29;
 pub(super) const WENT_ON: u32 = 1 << 30;

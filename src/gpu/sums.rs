@@ -9,7 +9,7 @@ use crate::model::choice::INFINITY;
 use crate::model::integers::total;
 use crate::model::numbers::not_a_number;
 use crate::trace::{
-    CAMERAS, Derivatives, FIRST_SUM, LEAST_LIMIT, LIMIT, OF_CAMERA, PARTS, Scene, Sums, Totals,
+    CAMERAS, Derivatives, FIRST_SUM, LIMIT, MIN_LIMIT, OF_CAMERA, PARTS, Scene, Sums, Totals,
     carry, sums_of,
 };
 
@@ -212,7 +212,7 @@ impl Adding {
 
 /// Returns the number of bits of each scaled derivative such that a 64-bit sum can hold `derivatives` of them.
 pub(super) fn bits_of_each(derivatives: u64) -> i32 {
-    (61 - (u64::BITS - derivatives.leading_zeros()) as i32).clamp(LEAST_LIMIT, 40 + MORE)
+    (61 - (u64::BITS - derivatives.leading_zeros()) as i32).clamp(MIN_LIMIT, 40 + MORE)
 }
 
 /// Number of bits by which derivatives may exceed the measured ones before they are added to 96-bit sums.
@@ -228,7 +228,7 @@ mod tests {
         for log in 0..36 {
             let derivatives = (1u64 << log) + 1;
             let bits = bits_of_each(derivatives);
-            assert!((LEAST_LIMIT..=40 + MORE).contains(&bits));
+            assert!((MIN_LIMIT..=40 + MORE).contains(&bits));
             assert!(
                 u128::from(derivatives) << bits < 1 << 62,
                 "{derivatives} {bits}"

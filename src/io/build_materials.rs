@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashMap};
 
 use burn::tensor::{Device, Tensor};
 
-use super::description::{Alpha, Color, Description, MaterialDescription, OwnBsdf, TextureUse};
+use super::description::{Alpha, Color, Description, ExtraBsdf, MaterialDescription, TextureUse};
 use super::limits::Place;
 use super::textures::Textures;
 use crate::error::Result;
@@ -17,7 +17,7 @@ const ROUGHNESS: usize = 1;
 const METALLIC: usize = 2;
 
 /// Indices of refraction that are nearer to 1 are rendered as this one: without a difference nothing is refracted.
-const LEAST_IOR: f64 = 1.0011;
+const MIN_REFRACTING_IOR: f64 = 1.0011;
 
 const SCALED: &str = "Kd + Ks is above 1 in these materials, so that their Ks is scaled down";
 
@@ -77,7 +77,8 @@ impl<'a> Materials<'a> {
         let material = self.bsdf(from)?.with_name(from.name.clone());
         let mut material = material.with_compensated(from.compensated);
         let (map, scale) = from.normal.unzip();
-        if let (Some(TextureUse { image, wrap }), Some(scale)) = (self.textures.found(map)?, scale)
+        if let (Some(TextureUse { image, wrap }), Some(scale)) =
+            (self.textures.available(map)?, scale)
         {
             let texels = self.textures.tilts(image, scale)?;
             material = material.with_normal_map(texels, 1.0);
@@ -106,12 +107,12 @@ impl<'a> Materials<'a> {
         let texture = from.metallic_roughness_texture;
         let roughness = |this: &mut Self| this.number(from.roughness, texture, ROUGHNESS);
         let only_metal = from.metallic == 1.0 && texture.is_none();
-        match &from.own {
-            Some(OwnBsdf::Phong { albedo, shininess }) => {
+        match &from.extra_bsdf {
+            Some(ExtraBsdf::Phong { albedo, shininess }) => {
                 let specular = self.specular(albedo, &base, &from.name)?;
                 return Ok(Material::phong(base.albedo, specular, *shininess));
             }
-            Some(OwnBsdf::Conductor { eta, extinction }) => {
+            Some(ExtraBsdf::Conductor { eta, extinction }) => {
                 return Ok(Material::conductor(*eta, *extinction, roughness(self)?));
             }
             None => {}
@@ -121,8 +122,12 @@ impl<'a> Materials<'a> {
             if !from.solid {
                 self.drops("walls without thickness, which are the surfaces of solids here");
             }
-            let nearly_1 = (from.ior - 1.0).abs() < LEAST_IOR - 1.0;
-            let ior = if nearly_1 { LEAST_IOR } else { from.ior };
+            let nearly_1 = (from.ior - 1.0).abs() < MIN_REFRACTING_IOR - 1.0;
+            let ior = if nearly_1 {
+                MIN_REFRACTING_IOR
+            } else {
+                from.ior
+            };
             return Ok(Material::dielectric(ior, roughness(self)?).with_tint(base));
         }
         if from.transmission > 0.0 && !only_metal {
@@ -194,8 +199,8 @@ impl<'a> Materials<'a> {
         // Black times a texture is black.
         let texture = color.texture.filter(|(_, factor)| *factor != [0.0; 3]);
         let (texture, factor) = texture.unzip();
-        let found = self.textures.found(texture)?;
-        Ok(match found.zip(factor) {
+        let available = self.textures.available(texture)?;
+        Ok(match available.zip(factor) {
             Some((TextureUse { image, wrap }, factor)) => {
                 let texels = self.textures.colors(image, factor)?;
                 Bounded {
@@ -224,7 +229,7 @@ impl<'a> Materials<'a> {
             Alpha::Mask { factor, cutoff } => (factor, cutoff),
         };
         let texture = from.base_color.texture.map(|(texture, _)| texture);
-        let (alpha, wrap): (Tensor<2>, _) = match self.textures.found(texture)? {
+        let (alpha, wrap): (Tensor<2>, _) = match self.textures.available(texture)? {
             Some(TextureUse { image, wrap }) => (self.textures.alpha(image, factor)?, wrap),
             None => (Tensor::full([1, 1], factor, self.device), Wrap::Repeat),
         };
@@ -244,7 +249,7 @@ impl<'a> Materials<'a> {
         texture: Option<TextureUse>,
         channel: usize,
     ) -> Result<ScalarTexture> {
-        let texture = self.textures.found(texture.filter(|_| factor != 0.0))?;
+        let texture = self.textures.available(texture.filter(|_| factor != 0.0))?;
         let Some(TextureUse { image, wrap }) = texture else {
             return Ok(factor.into());
         };

@@ -110,7 +110,7 @@ pub(super) struct MaterialDescription {
     /// The strength of the reflection of non-metals. At 0, only the diffuse part is left.
     pub specular: f64,
     /// A BSDF that this crate writes and that glTF has no field for.
-    pub own: Option<OwnBsdf>,
+    pub extra_bsdf: Option<ExtraBsdf>,
     /// Whether multiple-scattering compensation is enabled.
     pub compensated: bool,
     /// Whether the surface is visible, and emits, on both sides.
@@ -118,7 +118,7 @@ pub(super) struct MaterialDescription {
 }
 
 /// A BSDF that glTF has no field for.
-pub(super) enum OwnBsdf {
+pub(super) enum ExtraBsdf {
     /// A Phong lobe in addition to the diffuse one: its albedo and exponent.
     Phong { albedo: Color, shininess: f64 },
     /// A metal, by the real and imaginary part of its index of refraction, RGB.
@@ -140,7 +140,7 @@ impl Default for MaterialDescription {
             transmission: 0.0,
             solid: false,
             specular: 1.0,
-            own: None,
+            extra_bsdf: None,
             compensated: true,
             double_sided: false,
         }

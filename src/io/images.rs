@@ -287,13 +287,13 @@ impl HostImage {
     fn check(&self) -> Result<()> {
         let expected = self.width.checked_mul(self.height);
         let expected = expected.and_then(|n| n.checked_mul(3));
-        let told = expected.map_or("more than there can be".into(), |n| n.to_string());
+        let count = expected.map_or("more than there can be".into(), |n| n.to_string());
         Error::unless(
             expected == Some(self.pixels.len()),
             "image",
             "pixels",
             format!("{} values", self.pixels.len()),
-            &format!("{told} for {} × {} pixels", self.width, self.height),
+            &format!("{count} for {} × {} pixels", self.width, self.height),
         )
     }
 }

@@ -33,9 +33,9 @@ pub(super) const OBJECT: u64 = 2048;
 pub(super) const LIGHT: u64 = 1024;
 pub(super) const TEXEL: u64 = 4;
 
-/// The default memory limit: `LEAST_MEMORY` bytes, or `PER_BYTE` per byte of the files read if that is more. A file
+/// The default memory limit: `MIN_MEMORY` bytes, or `PER_BYTE` per byte of the files read if that is more. A file
 /// that uses each array and image once takes about `PER_BYTE`.
-const LEAST_MEMORY: u64 = 3 << 28;
+const MIN_MEMORY: u64 = 3 << 28;
 const PER_BYTE: u64 = 64;
 
 /// A file that is read, its limits, and the device of its tensors.
@@ -66,7 +66,7 @@ impl Memory {
         limits: &LoadLimits,
     ) -> std::result::Result<(), String> {
         self.taken = self.taken.saturating_add(count.saturating_mul(size));
-        let least = LEAST_MEMORY.max(PER_BYTE.saturating_mul(self.read));
+        let least = MIN_MEMORY.max(PER_BYTE.saturating_mul(self.read));
         let most = limits.memory.unwrap_or(least);
         match self.taken > most {
             true => Err(format!(

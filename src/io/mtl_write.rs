@@ -160,7 +160,7 @@ impl<'a> Library<'a> {
         let path = self.path.with_file_name(self.file_name());
         parts.push(Part::of(&path, &[b"# softray\n", self.text.as_bytes()])?);
         if !self.names.renamed.is_empty() {
-            log::info!("materials of {}: {}", path.display(), self.names.told());
+            log::info!("materials of {}: {}", path.display(), self.names.message());
         }
         Ok(parts)
     }
@@ -256,7 +256,7 @@ impl Names {
     }
 
     /// A text that lists some of the names that were changed.
-    pub fn told(&self) -> String {
+    pub fn message(&self) -> String {
         let some = self.renamed.iter().take(5);
         let some: Vec<String> = some.map(|(a, b)| format!("{a:?} is {b:?}")).collect();
         let rest = self.renamed.len().saturating_sub(some.len());
@@ -283,8 +283,8 @@ mod tests {
         assert_eq!(next("a_2"), "a_2");
         assert_eq!(next("a"), "a_3");
         assert_eq!(next("a"), "a_4");
-        let told = names.told();
-        assert!(told.contains(r#""a" is "a_3""#), "{told}");
+        let message = names.message();
+        assert!(message.contains(r#""a" is "a_3""#), "{message}");
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::warnings::warning;
 
 /// The most names that [`Notes::add`] lists in a warning.
-const MOST: usize = 5;
+const MAX_NAMES: usize = 5;
 
 /// Warnings to log once a file is read. Each sentence has a list of names and a count.
 #[derive(Default)]
@@ -21,7 +21,7 @@ impl Notes {
         let mut all = self.0.borrow_mut();
         let (names, count) = all.entry(sentence).or_default();
         *count += 1;
-        if names.len() < MOST {
+        if names.len() < MAX_NAMES {
             names.insert(name.into());
         }
     }

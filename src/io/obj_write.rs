@@ -37,7 +37,7 @@ pub(super) fn scene(scene: &Scene, path: &Path) -> Result<()> {
         ));
     }
     if !names.renamed.is_empty() {
-        warning!("objects of {}: {}", path.display(), names.told());
+        warning!("objects of {}: {}", path.display(), names.message());
     }
     let materials = library.file_name();
     let mut parts = library.write()?;

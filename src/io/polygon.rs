@@ -7,13 +7,13 @@ use super::LoadLimits;
 
 /// Concave polygons with more corners share one limit, since the time of ear clipping grows with the square of the
 /// number of corners.
-const FEW: usize = 1024;
+const MAX_FREE_CORNERS: usize = 1024;
 
 /// Triangulates the polygons of one file within a limit.
 pub(super) struct Polygons {
     /// The largest number of corners of a polygon that a fan does not fill.
     most: u64,
-    /// The sum of the squared numbers of corners of such polygons with more than [`FEW`] corners.
+    /// The sum of the squared numbers of corners of such polygons with more than [`MAX_FREE_CORNERS`] corners.
     squares: u64,
 }
 
@@ -69,7 +69,7 @@ impl Polygons {
 
     /// Counts a polygon that a fan does not fill. Exceeding the limit is an error.
     fn check(&mut self, corners: usize) -> Result<(), String> {
-        if corners > FEW {
+        if corners > MAX_FREE_CORNERS {
             let square = (corners as u64).saturating_mul(corners as u64);
             self.squares = self.squares.saturating_add(square);
         }

@@ -69,7 +69,7 @@ pub struct SceneFile {
 const ROWS: usize = 256;
 
 /// The largest number of columns of such an image.
-const MOST_COLUMNS: f64 = 4096.0;
+const MAX_COLUMNS: f64 = 4096.0;
 
 /// Returns whether a file is JSON. An extension that is not supported is an error.
 fn is_json(path: &Path) -> Result<bool> {
@@ -239,7 +239,7 @@ impl SceneFile {
             Some((_, camera, aspect)) => (camera.clone(), aspect.unwrap_or(1.0)),
             None => (Camera::framing(&scene, [0.4, 0.4, 1.0])?, 1.0),
         };
-        let width = (ROWS as f64 * aspect).round().clamp(1.0, MOST_COLUMNS);
+        let width = (ROWS as f64 * aspect).round().clamp(1.0, MAX_COLUMNS);
         Ok(Self {
             scene,
             camera,

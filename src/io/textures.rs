@@ -89,7 +89,7 @@ impl<'a> Textures<'a> {
     ///
     /// # Errors
     /// If the image exceeds the limits, or cannot be read and limits are strict.
-    pub fn found(&mut self, texture: Option<TextureUse>) -> Result<Option<TextureUse>> {
+    pub fn available(&mut self, texture: Option<TextureUse>) -> Result<Option<TextureUse>> {
         let Some(TextureUse { image, .. }) = texture else {
             return Ok(None);
         };

@@ -33,12 +33,12 @@ impl Connecting {
             v: numbers.w,
         };
         let (x, chance) = (point.position, self.chance);
-        let found = target.connect(&point.shading, x, chance, self.by_scattering, cone);
+        let connection = target.connect(&point.shading, x, chance, self.by_scattering, cone);
         // Otherwise the shadow ray would start behind the light, or there is no connection.
-        if found.limit > 0.0 {
+        if connection.limit > 0.0 {
             let throughput = level.throughputs.get(self.lane);
-            let light = brought(&found, radiance(), throughput);
-            self.push(of, level, &found, target.direction, light, work);
+            let light = brought(&connection, radiance(), throughput);
+            self.push(of, level, &connection, target.direction, light, work);
         }
     }
 
@@ -48,13 +48,18 @@ impl Connecting {
         &self,
         of: &PathBlock,
         level: &Level,
-        found: &Connection,
+        connection: &Connection,
         direction: V3,
         light: V3,
         work: &mut Work,
     ) {
         let (path, time) = (level.paths[self.lane], of.time(level, self.lane));
-        let ray = HitRay::new(found.start, found.direction, time, found.limit);
+        let ray = HitRay::new(
+            connection.start,
+            connection.direction,
+            time,
+            connection.limit,
+        );
         work.rays.push(ray);
         work.candidates.push(Candidate { path, light });
         if of.kept.levels {
@@ -64,8 +69,8 @@ impl Connecting {
                 weights: self.weights,
                 direction,
                 arrived: Arrived {
-                    reflected: found.reflected,
-                    density: found.density,
+                    reflected: connection.reflected,
+                    density: connection.density,
                 },
             });
         }
@@ -230,14 +235,18 @@ fn connect_matt(
         radiance.set(&mut radiances, lane);
     }
     let cones = (of.cone, *level.cones.lanes(lanes.start));
-    let (directions, found) = if of.features.cones {
+    let (directions, connections) = if of.features.cones {
         eights::connect::<true>(*points, on, *weights, chosen.chance, cones)
     } else {
         eights::connect::<false>(*points, on, *weights, chosen.chance, cones)
     };
-    let lights = eights::lights(found, radiances, *level.throughputs.lanes(lanes.start));
+    let lights = eights::lights(
+        connections,
+        radiances,
+        *level.throughputs.lanes(lanes.start),
+    );
     for lane in lanes {
-        if !points.reflects[lane % LANES] || found.limit[lane % LANES] <= 0.0 {
+        if !points.reflects[lane % LANES] || connections.limit[lane % LANES] <= 0.0 {
             continue;
         }
         let connecting = Connecting {
@@ -247,9 +256,12 @@ fn connect_matt(
             chance: chosen.chance[lane % LANES],
             by_scattering: false,
         };
-        let (found, direction) = (Connection::get(&found, lane), V3::get(&directions, lane));
+        let (connection, direction) = (
+            Connection::get(&connections, lane),
+            V3::get(&directions, lane),
+        );
         let light = V3::get(&lights, lane);
-        connecting.push(of, level, &found, direction, light, work);
+        connecting.push(of, level, &connection, direction, light, work);
     }
 }
 

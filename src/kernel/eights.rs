@@ -229,20 +229,20 @@ pub(super) fn chosen_triangles(
 /// Computes the light that connections add to the paths of points if no occluder is in between.
 #[inline(always)]
 pub(super) fn lights(
-    found: Eight<Connection>,
+    connections: Eight<Connection>,
     radiances: Eight<V3>,
     throughputs: Eight<V3>,
 ) -> Eight<V3> {
     each_lane!(V3, |i| {
         let (radiance, throughput) = (V3::get(&radiances, i), V3::get(&throughputs, i));
-        brought(&Connection::get(&found, i), radiance, throughput)
+        brought(&Connection::get(&connections, i), radiance, throughput)
     })
 }
 
 /// Computes the light that a connection adds to the path of a point.
 #[inline(always)]
-pub(super) fn brought(found: &Connection, radiance: V3, throughput: V3) -> V3 {
-    throughput * (found.reflected * radiance * found.scale)
+pub(super) fn brought(connection: &Connection, radiance: V3, throughput: V3) -> V3 {
+    throughput * (connection.reflected * radiance * connection.scale)
 }
 
 /// Connects matt surfaces to points of emitters, and returns the directions to these points and the connections. With
@@ -266,9 +266,9 @@ pub(super) fn connect<const CONES: bool>(
             v: numbers.w[i],
         };
         let (shading, chance) = (point.shading.as_matt(), chances[i]);
-        let found = target.connect(&shading, point.position, chance, false, cone);
+        let connection = target.connect(&shading, point.position, chance, false, cone);
         target.direction.set(&mut directions, i);
-        found.set(&mut out, i);
+        connection.set(&mut out, i);
     }
     (directions, out)
 }

@@ -169,7 +169,7 @@ impl KernelScene {
 
     fn flat(&self) -> Flat {
         let emitters = &self.emitters;
-        let count = emitters.all().len() + emitters.lights().len();
+        let count = emitters.triangles().len() + emitters.lights().len();
         let group = |g: &EmitterGroup| {
             let ([a, b, c], [x, y, z]) = (g.center.to_array(), g.velocity.to_array());
             [a, b, c, g.radius, x, y, z]
@@ -178,7 +178,10 @@ impl KernelScene {
         Flat {
             materials: self.materials.iter().map(constants).collect(),
             of_materials: self.materials.iter().map(Material::words).collect(),
-            emitters: emitters.all().map(|k| emitters.get(k).triangle).collect(),
+            emitters: emitters
+                .triangles()
+                .map(|k| emitters.get(k).triangle)
+                .collect(),
             groups: emitters.groups.iter().map(group).collect(),
             group_of_emitters: (0..count).map(|k| emitters.group_of(k) as u32).collect(),
         }

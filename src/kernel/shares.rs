@@ -2,7 +2,7 @@
 
 use std::ops::AddAssign;
 
-use crate::model::jumps::FEW_SAMPLES;
+use crate::model::jumps::LOW_SAMPLES_LOG;
 
 /// The kinds of edges: shadows of emitters, reflected light, and the film.
 pub(crate) const SHADOWS: usize = 0;
@@ -21,8 +21,8 @@ const PATH: f64 = 0.65;
 const OVER_PATHS: f64 = 2.0;
 const OVER_FEW_PATHS: f64 = 1.0;
 /// The smallest and the largest number of samples of a kind, divided by the usual number.
-const FEWEST: f64 = 0.125;
-const MOST: f64 = 8.0;
+const MIN_SHARE: f64 = 0.125;
+const MAX_SHARE: f64 = 8.0;
 /// The number of steps per factor of two to which shares are rounded, so that rounding errors of sums do not change
 /// them.
 const STEPS: f64 = 4.0;
@@ -82,13 +82,13 @@ impl Yields {
         if !(sum > 0.0 && sum.is_finite() && self.paths > 0.0) {
             return [1.0; KINDS];
         }
-        let few = samples_log <= FEW_SAMPLES;
+        let few = samples_log <= LOW_SAMPLES_LOG;
         let over = if few { OVER_FEW_PATHS } else { OVER_PATHS };
         let all = over * PATH * self.paths;
         std::array::from_fn(|kind| {
             let share = all * weight(kind) / (sum * edges[kind].cost);
             let share = if share.is_nan() { 1.0 } else { share };
-            let steps = (share.clamp(FEWEST, MOST).log2() * STEPS).round();
+            let steps = (share.clamp(MIN_SHARE, MAX_SHARE).log2() * STEPS).round();
             (steps / STEPS).exp2() as f32
         })
     }
@@ -98,7 +98,7 @@ impl Yields {
 mod tests {
     use super::*;
 
-    const MANY: u32 = FEW_SAMPLES + 1;
+    const MANY: u32 = LOW_SAMPLES_LOG + 1;
 
     /// Values for which the usual number of samples takes exactly the time for edges.
     fn yields(variances: [f64; KINDS], costs: [f64; KINDS]) -> Yields {
@@ -115,7 +115,7 @@ mod tests {
     fn samples_go_where_the_variance_is() {
         let even = yields([5.0; KINDS], [30.0; KINDS]).shares(MANY);
         assert_eq!(even, [1.0; KINDS]);
-        let few = yields([5.0; KINDS], [30.0; KINDS]).shares(FEW_SAMPLES);
+        let few = yields([5.0; KINDS], [30.0; KINDS]).shares(LOW_SAMPLES_LOG);
         assert_eq!(few, [0.5; KINDS]);
         // The variance is Σ a_k / m_k at a cost Σ c_k m_k: moving cost from one kind to another cannot lower it.
         let (a, c) = ([8.0, 2.0, 1.0], [10.0, 40.0, 20.0]);
@@ -135,8 +135,8 @@ mod tests {
     fn edges_that_bring_nothing_keep_few_samples() {
         let shares = yields([1.0, 0.0, 0.0], [30.0, 30.0, 30.0]).shares(MANY);
         assert!(shares[SHADOWS] > 2.0, "{shares:?}");
-        assert_eq!(shares[REFLECTED], FEWEST as f32);
-        assert_eq!(shares[ON_FILM], FEWEST as f32);
+        assert_eq!(shares[REFLECTED], MIN_SHARE as f32);
+        assert_eq!(shares[ON_FILM], MIN_SHARE as f32);
         for (squares, cost) in [
             (0.0, 30.0),
             (f64::NAN, 30.0),

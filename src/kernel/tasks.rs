@@ -93,8 +93,8 @@ impl View {
     pub fn typical(pixels: &[(u32, Seen)]) -> f32 {
         let all = pixels.iter();
         let all = all.map(|(_, g)| f64::from(g.radiance.abs().element_sum()));
-        let asked = all.filter(|own| *own > 0.0 && own.is_finite());
-        let (sum, count) = asked.fold((0.0, 0u32), |(sum, count), own| (sum + own, count + 1));
+        let positive = all.filter(|own| *own > 0.0 && own.is_finite());
+        let (sum, count) = positive.fold((0.0, 0u32), |(sum, count), own| (sum + own, count + 1));
         (sum / f64::from(count.max(1))) as f32
     }
 
@@ -111,8 +111,8 @@ impl View {
         sums: &mut HostSums,
     ) {
         let sums = &sums.sums();
-        let asked = pixels.iter().filter(|p| p.1 != Seen::default());
-        let (pixels, gradients): (Vec<u32>, Vec<&Seen>) = asked.map(|(i, g)| (*i, g)).unzip();
+        let nonzero = pixels.iter().filter(|p| p.1 != Seen::default());
+        let (pixels, gradients): (Vec<u32>, Vec<&Seen>) = nonzero.map(|(i, g)| (*i, g)).unzip();
         let kept = Kept {
             levels: true,
             ..Kept::default()

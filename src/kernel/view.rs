@@ -36,7 +36,7 @@ pub(crate) struct View {
 }
 
 /// Up to this many triangles, their edges mostly form a list and not a tree.
-const FEW_TRIANGLES: usize = 21;
+const MAX_LIST_TRIANGLES: usize = 21;
 
 /// Lists of a view that stages read.
 #[derive(Default)]
@@ -123,7 +123,7 @@ impl View {
             lens: self.camera.aperture > 0.0,
             parallel: self.camera.parallel,
             // BSDF sampling also generates points on emitters.
-            combined: settings.multiple_importance && !self.scene.emitters.all().is_empty(),
+            combined: settings.multiple_importance && !self.scene.emitters.triangles().is_empty(),
             sees_sky: shines && !gathers_map,
             gathers_map,
             cones: self.cone > 0.0,
@@ -141,7 +141,7 @@ impl View {
         let of = &mut self.wanted.of;
         of.jumps = self.has_edges && !self.features.dark;
         // With many triangles this is always set, so that compiled kernels still fit when crossings change.
-        let many = self.scene.lists.triangles.len() > FEW_TRIANGLES;
+        let many = self.scene.lists.triangles.len() > MAX_LIST_TRIANGLES;
         of.edge_nodes = many || self.edge_sets.as_ref().is_some_and(has_nodes);
         of.grouped = self.scene.emitters.groups.len() > 1;
         of.edge_room = if of.jumps { ROOM } else { 1 };

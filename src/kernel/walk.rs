@@ -337,8 +337,8 @@ pub(super) struct Back {
 impl Work {
     pub fn new(bounces: u32) -> Self {
         let mut work = Self {
-            room: vec![0; EmitterKinds::MOST_ROOM],
-            few: vec![Eight::<f32>::default(); EmitterKinds::MOST_ROOM],
+            room: vec![0; EmitterKinds::MAX_ROOM],
+            few: vec![Eight::<f32>::default(); EmitterKinds::MAX_ROOM],
             ..Self::default()
         };
         work.counts.bounces = vec![0; bounces.min(1 << 16) as usize + 1];

@@ -7,8 +7,8 @@ use crate::cube::*;
 /// A uniform number in [0, 1) for several decisions: its remainder after a decision is uniform again.
 ///
 /// Each decision consumes bits of the number. While many bits are left, later decisions are as evenly spread as the
-/// number was. Once less than [`LEAST`] of its range is left, a hash replaces the number. So the bits never run out,
-/// and a rounding error of a probability grows by at most 1 / [`LEAST`].
+/// number was. Once less than [`MIN_RANGE`] of its range is left, a hash replaces the number. So the bits never run
+/// out, and a rounding error of a probability grows by at most 1 / [`MIN_RANGE`].
 #[apply(record!)]
 pub(crate) struct Uniform {
     pub number: f32,
@@ -26,8 +26,9 @@ pub(crate) struct Decision {
 }
 
 /// The fraction of a number's range below which a hash replaces the number.
-const LEAST: f32 = 1.0 / 256.0;
-pub(crate) const MOST: f32 = 1.0 - f32::EPSILON;
+const MIN_RANGE: f32 = 1.0 / 256.0;
+/// The largest number of those in [0, 1).
+pub(crate) const MAX_UNIFORM: f32 = 1.0 - f32::EPSILON;
 /// The bits of infinity.
 pub(crate) const INFINITY: u32 = 0x7f80_0000;
 
@@ -68,11 +69,11 @@ impl Uniform {
     /// Returns the remainder of the number, given that it lies in a part of its range.
     #[inline(always)]
     pub fn within(self, from: f32, share: f32) -> Self {
-        let mut number = ((self.number - from) / share.max(1e-30)).min(MOST);
+        let mut number = ((self.number - from) / share.max(1e-30)).min(MAX_UNIFORM);
         let mut left = self.left * share;
         let mut key = self.key;
         // A branch, since decisions follow each other and few take it.
-        if left < LEAST {
+        if left < MIN_RANGE {
             key = hashed(key);
             number = (key >> 8) as f32 * (1.0f32 / 16_777_216.0f32);
             left = 1.0f32;

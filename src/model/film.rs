@@ -1,6 +1,6 @@
 //! Edge sampling on the film: number of samples, drawing of edge pieces, and importance of pixels.
 
-use super::jumps::FEW_SAMPLES;
+use super::jumps::LOW_SAMPLES_LOG;
 use super::lists::first_over;
 use super::segment::OnSegment;
 use crate::cube::*;
@@ -15,12 +15,12 @@ pub(crate) const NEIGHBORS: f32 = 0.1;
 pub(crate) const BLOCK: u32 = 128;
 
 /// Maximum number of edge samples on a film.
-pub(crate) const MOST: u32 = 1_000_000_000;
+pub(crate) const MAX_EDGE_SAMPLES: u32 = 1_000_000_000;
 
 /// Returns the number of edge samples on the film for `pixels` pixels that a loss depends on, with `samples` samples
 /// each.
 ///
-/// This is one sample for two paths, or for four if a pixel has few ([`FEW_SAMPLES`]). It is at least 1024 samples,
+/// This is one sample for two paths, or for four if a pixel has few ([`LOW_SAMPLES_LOG`]). It is at least 1024 samples,
 /// or eight per path if that is less; so few samples take no noticeable time.
 #[cfg_attr(feature = "gpu", cube)]
 pub(crate) fn samples_of_film(pixels: u32, samples: u32) -> u32 {
@@ -28,10 +28,10 @@ pub(crate) fn samples_of_film(pixels: u32, samples: u32) -> u32 {
     if pixels as f32 * samples as f32 <= 4.0e9 {
         let paths = pixels * samples;
         let few = (8 * paths.min(1024)).min(1024);
-        let each = select(samples <= 1u32 << FEW_SAMPLES, 4u32, 2u32);
-        paths.div_ceil(each).max(few).max(1).min(MOST)
+        let each = select(samples <= 1u32 << LOW_SAMPLES_LOG, 4u32, 2u32);
+        paths.div_ceil(each).max(few).max(1).min(MAX_EDGE_SAMPLES)
     } else {
-        MOST
+        MAX_EDGE_SAMPLES
     }
 }
 
@@ -105,7 +105,7 @@ mod tests {
             (4096, 5, 10240),
             (1001, 16, 8008),
             (1003, 9, 4514),
-            (1 << 22, 1 << 12, MOST),
+            (1 << 22, 1 << 12, MAX_EDGE_SAMPLES),
         ] {
             assert_eq!(
                 samples_of_film(pixels, samples),

@@ -9,16 +9,16 @@ use super::{V2, V3, select_vector};
 use crate::cube::*;
 
 /// Minimum importance of a point, relative to an average camera ray.
-const LEAST: f32 = 0.05;
+const MIN_IMPORTANCE: f32 = 0.05;
 /// Mean number of searches by a point as important as an average camera ray: for edges of the lights' shadows, and
 /// for edges in reflected light, which takes two more paths.
 const OF_SHADOWS: f32 = 0.5;
 const OF_REFLECTED: f32 = 0.25;
 /// Up to this log₂ of samples per pixel, the number of searches and the number of film samples are halved. An
 /// optimization with many steps of few paths each gains more from speed than from low gradient variance.
-pub(crate) const FEW_SAMPLES: u32 = 2;
+pub(crate) const LOW_SAMPLES_LOG: u32 = 2;
 /// Maximum number of searches by a point, for shadows and for reflected light each.
-const MOST_SEARCHES: f32 = 8.0;
+const MAX_SEARCHES: f32 = 8.0;
 /// Number of sets of random numbers between one search of a point and the next.
 pub(crate) const SEARCH_SETS: u32 = 192;
 /// Distance from an edge of points beside it, relative to the largest coordinate.
@@ -40,7 +40,7 @@ pub(crate) fn counts_of(carried: V3, typical: f32) -> f32 {
 #[inline(always)]
 pub(crate) fn usual_searches(of_light: bool, samples_log: u32) -> f32 {
     let rate = select(of_light, OF_SHADOWS, OF_REFLECTED);
-    select(samples_log <= FEW_SAMPLES, rate * 0.5, rate)
+    select(samples_log <= LOW_SAMPLES_LOG, rate * 0.5, rate)
 }
 
 /// Returns the mean number of searches by a point of importance `counts`. `usual` is the mean number for an average
@@ -48,14 +48,14 @@ pub(crate) fn usual_searches(of_light: bool, samples_log: u32) -> f32 {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn mean_searches(usual: f32, counts: f32) -> f32 {
-    usual * counts.max(LEAST)
+    usual * counts.max(MIN_IMPORTANCE)
 }
 
 /// Returns the maximum number of searches by a point with this mean number.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn most_searches(mean: f32) -> u32 {
-    mean.min(MOST_SEARCHES).ceil() as u32
+    mean.min(MAX_SEARCHES).ceil() as u32
 }
 
 /// Returns the query in the cone of a group of emitters, widened by the cone of rays, or over the hemisphere if that
@@ -263,14 +263,14 @@ mod tests {
     #[test]
     fn points_make_as_many_searches_as_they_count_for() {
         for of_light in [true, false] {
-            let usual = usual_searches(of_light, FEW_SAMPLES + 1);
-            assert_eq!(usual_searches(of_light, FEW_SAMPLES), 0.5 * usual);
+            let usual = usual_searches(of_light, LOW_SAMPLES_LOG + 1);
+            assert_eq!(usual_searches(of_light, LOW_SAMPLES_LOG), 0.5 * usual);
             for counts in [1e-6, 0.05, 0.3, 1.0, 2.0, 3.7, 16.0, 1e30, f32::INFINITY] {
                 let wanted = mean_searches(usual, counts);
                 let most = most_searches(wanted);
-                assert!((1..=MOST_SEARCHES as u32).contains(&most), "{counts}");
+                assert!((1..=MAX_SEARCHES as u32).contains(&most), "{counts}");
                 let mean = most as f32 * (wanted / most as f32).min(1.0);
-                let wanted = wanted.min(MOST_SEARCHES);
+                let wanted = wanted.min(MAX_SEARCHES);
                 assert!((mean - wanted).abs() <= 1e-6 * wanted, "{counts}: {mean}");
             }
         }

@@ -10,7 +10,7 @@ use crate::scene::{Bsdf, ColorTexture, Material, Parameter, Range, ScalarTexture
 const OBJECT: &str = "material";
 /// The least share of a channel's light that a part begins with, and the least emission: 0 has no
 /// logarithm.
-const LEAST: f64 = 1e-3;
+const MIN_INITIAL: f64 = 1e-3;
 
 /// The configuration of a [`MaterialParams`].
 #[derive(Config, Debug)]
@@ -59,7 +59,7 @@ impl MaterialParamsConfig {
         constant.check_energy(OBJECT)?;
         self.check_facets()?;
         let sum: [f64; 3] = std::array::from_fn(|i| self.diffuse[i] + specular[i]);
-        let log = |x: f64| x.max(LEAST).ln();
+        let log = |x: f64| x.max(MIN_INITIAL).ln();
         let shares = |c: usize| {
             let absorbed = 1.0 - sum[c];
             match self.specular {
@@ -69,7 +69,10 @@ impl MaterialParamsConfig {
         };
         let parts = shares(0).len();
         let shininess = vec![self.shininess.ln()];
-        let share = |p: f64| leaf(vec![logit(p.clamp(LEAST, 1.0 - LEAST))], [1], device);
+        let share = |p: f64| {
+            let p = p.clamp(MIN_INITIAL, 1.0 - MIN_INITIAL);
+            leaf(vec![logit(p)], [1], device)
+        };
         let logs = |v: [f64; 3]| leaf(v.map(f64::ln).to_vec(), [3], device);
         let mixed = self.roughness.is_some() && self.conductor.is_none() && self.ior.is_none();
         Ok(MaterialParams {
@@ -178,7 +181,7 @@ impl MaterialParams {
             };
             Ok(p.values()?[0])
         };
-        let least = |p: &Parameter<3>| Ok::<_, Error>(p.values()?.map(|x| x.max(LEAST)));
+        let least = |p: &Parameter<3>| Ok::<_, Error>(p.values()?.map(|x| x.max(MIN_INITIAL)));
         let mut config =
             MaterialParamsConfig::new().with_compensated(material.bsdf.is_compensated());
         match &material.bsdf {

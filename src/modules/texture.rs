@@ -13,7 +13,7 @@ use crate::scene::{ColorTexture, Environment, Range, Wrap};
 /// The least initial distance of texels from 0 and 1, where a logit has no gradient.
 const MARGIN: f64 = 1e-3;
 /// The least initial radiance, because 0 has no logarithm.
-const LEAST_RADIANCE: f64 = 1e-3;
+const MIN_RADIANCE: f64 = 1e-3;
 /// The largest initial slope of a normal map.
 const STEEPEST: f64 = 10.0;
 
@@ -213,7 +213,7 @@ impl EnvironmentParams {
     }
 
     fn of(radiance: Vec<f64>, size: [usize; 3], device: &Device) -> Self {
-        let logs = radiance.iter().map(|r| r.max(LEAST_RADIANCE).ln());
+        let logs = radiance.iter().map(|r| r.max(MIN_RADIANCE).ln());
         Self {
             log_radiance: leaf(logs.collect(), size, device),
         }

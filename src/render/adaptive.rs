@@ -9,13 +9,13 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// The range of a pixel's number of samples, relative to the options: a minimum of 2^[`LEAST`] and a maximum of
-/// [`MOST`].
-const LEAST: f64 = -2.0;
-pub(super) const MOST: u32 = 16;
+/// The range of a pixel's number of samples, relative to the options: a minimum of 2^[`MIN_RATIO_LOG`] and a maximum
+/// of [`MAX_SAMPLES_RATIO`].
+const MIN_RATIO_LOG: f64 = -2.0;
+pub(super) const MAX_SAMPLES_RATIO: u32 = 16;
 
 /// The minimum number of samples. With fewer, pilots would show little for their cost.
-const FEWEST: u32 = 32;
+const MIN_SAMPLES: u32 = 32;
 
 /// The exponent applied to σ / √cost. It is below 1 since few differences estimate σ roughly, and since low-discrepancy
 /// samples, which get more even with their number, gain most from the first ones.
@@ -37,8 +37,8 @@ const LIMIT: f64 = 1024.0;
 /// a pixel may have. Each starts at a multiple of a power of two, so its random numbers are independent.
 pub(super) fn pilots(samples: u32) -> Option<[Range<u32>; 2]> {
     let each = samples / 64;
-    let run = (samples * MOST).next_power_of_two();
-    (samples >= FEWEST).then(|| [run, 2 * run].map(|from| from..from + each.max(1)))
+    let run = (samples * MAX_SAMPLES_RATIO).next_power_of_two();
+    (samples >= MIN_SAMPLES).then(|| [run, 2 * run].map(|from| from..from + each.max(1)))
 }
 
 /// Groups the pixels of an image by their number of samples. `pilots` holds radiance and rays per path of the two pilot
@@ -91,8 +91,8 @@ pub(super) fn shares(
 
 /// The number of samples of a level: a power of two times that of the options.
 fn samples_of(level: i64, samples: u32) -> u32 {
-    let most = f64::from(MOST).log2();
-    let halvings = (level as f64 / STEPS).round().clamp(LEAST, most);
+    let most = f64::from(MAX_SAMPLES_RATIO).log2();
+    let halvings = (level as f64 / STEPS).round().clamp(MIN_RATIO_LOG, most);
     (f64::from(samples) * halvings.exp2()).ceil() as u32
 }
 
@@ -190,7 +190,7 @@ mod tests {
         assert_eq!(pilots(31), None);
         for samples in [32, 100, 1 << 24] {
             let [a, b] = pilots(samples).expect("two images");
-            assert!(a.start >= samples * MOST && a.end <= b.start && !a.is_empty());
+            assert!(a.start >= samples * MAX_SAMPLES_RATIO && a.end <= b.start && !a.is_empty());
         }
     }
 }

@@ -4,10 +4,10 @@ use super::options::{Engine, RenderOptions};
 use crate::error::{Error, Result};
 
 /// The maximum number of bounces of a path.
-const MOST_BOUNCES: u32 = 10_000;
+const MAX_BOUNCES: u32 = 10_000;
 
 /// The maximum number of samples per pixel with adaptive sampling.
-const MOST_ADAPTIVE: u32 = 1 << 24;
+const MAX_ADAPTIVE_SAMPLES: u32 = 1 << 24;
 
 impl RenderOptions {
     /// Checks that images with `pixels` pixels in total are within the memory limit.
@@ -71,10 +71,10 @@ impl RenderOptions {
         if self.width.saturating_mul(self.height) > u32::MAX as usize {
             return Err(self.size_error("at most 2³² − 1 pixels"));
         }
-        if self.bounces > MOST_BOUNCES {
+        if self.bounces > MAX_BOUNCES {
             let surfaces = u64::from(self.bounces) + 1;
             let most =
-                format!("at most {MOST_BOUNCES}; a path would go on for up to {surfaces} surfaces");
+                format!("at most {MAX_BOUNCES}; a path would go on for up to {surfaces} surfaces");
             return wrong("bounces", &self.bounces, &most);
         }
         self.form().check()?;
@@ -91,7 +91,7 @@ impl RenderOptions {
             let expected = "false for the softmax and Engine::Tensors";
             return wrong("adaptive", &true, expected);
         }
-        if self.adaptive && self.samples > MOST_ADAPTIVE {
+        if self.adaptive && self.samples > MAX_ADAPTIVE_SAMPLES {
             let expected = "at most 2²⁴ with adaptive sampling";
             return wrong("samples", &self.samples, expected);
         }

@@ -19,7 +19,7 @@ const NARROW: f64 = 3.2;
 const THROUGH_GLASS: u32 = 2;
 
 /// The largest number of emitting faces of an object whose direction is checked.
-const MOST_FACES: usize = 64;
+const MAX_FACES: usize = 64;
 
 /// The sum of a surface's face normals over its area, from which on it is open. It is 0 for a closed surface.
 const OPEN: f64 = 1e-3;
@@ -120,17 +120,14 @@ fn shines_away(
 ) -> bool {
     let object = &scene.objects[index];
     let shines = |&f: &usize| scene.materials[object.material_of(f)].shines();
-    let emitting = (0..object.faces.len()).filter(shines).take(MOST_FACES + 1);
+    let emitting = (0..object.faces.len()).filter(shines).take(MAX_FACES + 1);
     let faces: Vec<usize> = emitting.collect();
     let others = boxes.iter().enumerate().filter(|(i, _)| *i != index);
     let others: Vec<[f64; 3]> = others
         .filter_map(|(_, b)| *b)
         .flat_map(|b| b.corners())
         .collect();
-    if faces.is_empty()
-        || faces.len() > MOST_FACES
-        || others.is_empty()
-        || object.velocity.is_some()
+    if faces.is_empty() || faces.len() > MAX_FACES || others.is_empty() || object.velocity.is_some()
     {
         return false;
     }

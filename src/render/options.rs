@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use burn::config::Config;
 use serde::{Deserialize, Serialize};
 
-use super::adaptive::MOST;
+use super::adaptive::MAX_SAMPLES_RATIO;
 use super::cache::HierarchyCache;
 use super::outputs::Outputs;
 use crate::sampling::{Sampler, Sampling};
@@ -341,7 +341,7 @@ impl RenderOptions {
 /// The sampler of a render's random numbers.
 pub(super) fn sampler(o: &RenderOptions) -> Sampler {
     let most = if o.adaptive {
-        o.samples * MOST
+        o.samples * MAX_SAMPLES_RATIO
     } else {
         o.samples
     };

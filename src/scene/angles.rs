@@ -27,7 +27,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn radians_are_told_from_degrees() {
+    fn radians_are_distinguished_from_degrees() {
         for degrees in [1.0, -30.0, 45.0, 90.0, 360.0f64] {
             assert_eq!(meant_by(degrees.to_radians()), Some(degrees));
             let single = (degrees as f32).to_radians();

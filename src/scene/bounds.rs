@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_bounds_is_told() {
+    fn what_has_no_bounds_is_an_error() {
         let device = Device::flex();
         let empty = Mesh::from_host(&[[0.0; 3]], vec![], &device);
         let of = |mesh: Mesh| Scene::new().with_object(Object::new(mesh).with_name("it"));

@@ -4,14 +4,14 @@ use super::parameter::{Parameter, Range};
 use super::texture::{ColorTexture, ScalarTexture, Value};
 
 /// The largest constant exponent of a Phong lobe, which is then a tenth of a degree wide: f32 resolves little less.
-const MOST_SHININESS: f64 = 1e6;
+const MAX_SHININESS: f64 = 1e6;
 /// The largest η and k of a conductor: the fourth powers of larger ones come near what f32 holds.
-pub(crate) const MOST_OF_METAL: f64 = 1e4;
+pub(crate) const MAX_METAL_IOR: f64 = 1e4;
 /// The least and the largest index of refraction of a dielectric.
-pub(crate) const LEAST_IOR: f64 = 0.1;
-pub(crate) const MOST_IOR: f64 = 10.0;
+pub(crate) const MIN_IOR: f64 = 0.1;
+pub(crate) const MAX_IOR: f64 = 10.0;
 /// Indices of refraction that are nearer to 1 count as this far from it: without a difference nothing is refracted.
-pub(crate) const LEAST_CONTRAST: f64 = 1e-3;
+pub(crate) const MIN_CONTRAST: f64 = 1e-3;
 
 /// How a surface scatters light: a model with its parameters.
 #[derive(Clone, Debug)]
@@ -247,9 +247,9 @@ impl Channel {
         match self {
             Self::BaseColor | Self::Tint | Self::Metallic | Self::Roughness => Range::Share,
             Self::Diffuse | Self::Specular => Range::NotNegative,
-            Self::Shininess => Range::Within(0.0, MOST_SHININESS),
-            Self::Eta | Self::Extinction => Range::Within(0.0, MOST_OF_METAL),
-            Self::Ior => Range::Within(LEAST_IOR, MOST_IOR),
+            Self::Shininess => Range::Within(0.0, MAX_SHININESS),
+            Self::Eta | Self::Extinction => Range::Within(0.0, MAX_METAL_IOR),
+            Self::Ior => Range::Within(MIN_IOR, MAX_IOR),
             Self::Emission => Range::Light,
         }
     }

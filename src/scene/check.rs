@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use burn::tensor::Tensor;
 
-use super::bsdf::LEAST_CONTRAST;
+use super::bsdf::MIN_CONTRAST;
 use super::parameters::{ParameterId, Visit, look_at_scene, visit_camera};
 use super::texture::{ScalarTexture, Value};
 use super::{Bsdf, Camera, ColorTexture, Material, Object, Parameter, Scene};
@@ -30,10 +30,10 @@ pub(crate) fn check_devices(scene: &Scene) -> Result<Context> {
     let mut check = SameDevice {
         context: &context,
         place: &|id| scene.place_of(id),
-        found: Ok(()),
+        result: Ok(()),
     };
     look_at_scene(scene, &mut check);
-    check.found?;
+    check.result?;
     Ok(context)
 }
 
@@ -47,11 +47,11 @@ pub(crate) fn check_scene(scene: &Scene) -> Result<()> {
 pub(super) fn check_values(scene: &Scene) -> Result<()> {
     let mut check = Values {
         place: &|id| scene.place_of(id),
-        found: Ok(()),
+        result: Ok(()),
         seen: HashSet::new(),
     };
     look_at_scene(scene, &mut check);
-    check.found?;
+    check.result?;
     scene.objects.iter().try_for_each(Object::check)?;
     let mut lights = scene.lights.iter().enumerate();
     lights.try_for_each(|(i, light)| light.host(&light_name(i)).map(drop))
@@ -65,11 +65,11 @@ impl Camera {
         }
         let mut check = Values {
             place: &|_| "camera".into(),
-            found: Ok(()),
+            result: Ok(()),
             seen: HashSet::new(),
         };
         visit_camera(&mut self.clone(), &mut check);
-        check.found?;
+        check.result?;
         self.check_view()
     }
 
@@ -78,10 +78,10 @@ impl Camera {
         let mut check = SameDevice {
             context,
             place: &|_| "camera".into(),
-            found: Ok(()),
+            result: Ok(()),
         };
         visit_camera(&mut self.clone(), &mut check);
-        check.found
+        check.result
     }
 }
 
@@ -126,7 +126,7 @@ fn check_contrast(name: &str, ior: &ScalarTexture) -> Result<()> {
         return Ok(());
     };
     let expected = "a number that is at least 0.001 away from 1, or nothing is refracted";
-    let refracts = (ior - 1.0).abs() >= LEAST_CONTRAST;
+    let refracts = (ior - 1.0).abs() >= MIN_CONTRAST;
     Error::unless(refracts, name, "ior", ior, expected)
 }
 
@@ -135,7 +135,7 @@ struct SameDevice<'a> {
     context: &'a Context,
     /// The name of the object of a parameter.
     place: &'a dyn Fn(ParameterId) -> String,
-    found: Result<()>,
+    result: Result<()>,
 }
 
 impl Visit for SameDevice<'_> {
@@ -154,9 +154,9 @@ impl Visit for SameDevice<'_> {
         } else {
             return;
         };
-        if self.found.is_ok() {
+        if self.result.is_ok() {
             let place = (self.place)(id);
-            self.found = Err(Error::invalid(place, id.row().0, found, expected));
+            self.result = Err(Error::invalid(place, id.row().0, found, expected));
         }
     }
 }
@@ -164,7 +164,7 @@ impl Visit for SameDevice<'_> {
 /// Checks every value, up to the first mistake.
 struct Values<'a> {
     place: &'a dyn Fn(ParameterId) -> String,
-    found: Result<()>,
+    result: Result<()>,
     /// Where the numbers of images lie that were looked at, which many materials may share.
     seen: HashSet<(usize, Vec<usize>)>,
 }
@@ -173,8 +173,8 @@ impl Values<'_> {
     /// Where nothing was found, the result for the object and the field.
     fn add(&mut self, id: ParameterId, check: impl Fn(&str, &str) -> Result<()>) {
         // The name is looked for where there is a mistake: for each value of many objects it would take long.
-        if self.found.is_ok() && check("", id.row().0).is_err() {
-            self.found = check(&(self.place)(id), id.row().0);
+        if self.result.is_ok() && check("", id.row().0).is_err() {
+            self.result = check(&(self.place)(id), id.row().0);
         }
     }
 }

@@ -11,7 +11,7 @@ use super::{
 use crate::debug::{Text, graph, place, tensor};
 
 /// The most objects of a scene, and materials of an object, that are shown.
-const MOST: usize = 32;
+const MAX_SHOWN: usize = 32;
 
 impl<const C: usize> Debug for Parameter<C> {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
@@ -119,11 +119,15 @@ impl Debug for Object {
     /// Writes one line, also for `{:#?}`, so that a scene has one line for each object.
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         write!(f, "{:?}: {:?}", self.name, self.mesh)?;
-        for material in self.materials.iter().take(MOST) {
+        for material in self.materials.iter().take(MAX_SHOWN) {
             write!(f, ", {material:?}")?;
         }
-        if self.materials.len() > MOST {
-            write!(f, ", and {} more materials", self.materials.len() - MOST)?;
+        if self.materials.len() > MAX_SHOWN {
+            write!(
+                f,
+                ", and {} more materials",
+                self.materials.len() - MAX_SHOWN
+            )?;
         }
         match &self.velocity {
             Some(v) => write!(f, ", velocity {v:?}"),
@@ -145,11 +149,11 @@ impl Debug for Scene {
 
 /// The first of a list, and how many more there are.
 fn shown(list: &[impl Debug], what: &str) -> Vec<Text> {
-    let mut shown: Vec<Text> = (list.iter().take(MOST))
+    let mut shown: Vec<Text> = (list.iter().take(MAX_SHOWN))
         .map(|entry| Text(format!("{entry:?}")))
         .collect();
-    if list.len() > MOST {
-        shown.push(Text(format!("and {} more {what}", list.len() - MOST)));
+    if list.len() > MAX_SHOWN {
+        shown.push(Text(format!("and {} more {what}", list.len() - MAX_SHOWN)));
     }
     shown
 }

@@ -35,9 +35,7 @@ mod wrap;
 pub(crate) use angles::warn_of_radians;
 pub use bounds::Bounds;
 pub use bsdf::Bsdf;
-pub(crate) use bsdf::{
-    BsdfKind, CHANNELS, Channel, LEAST_CONTRAST, LEAST_IOR, MOST_IOR, MOST_OF_METAL,
-};
+pub(crate) use bsdf::{BsdfKind, CHANNELS, Channel, MAX_IOR, MAX_METAL_IOR, MIN_CONTRAST, MIN_IOR};
 pub(crate) use camera::HostProjection;
 pub use camera::{Camera, Projection, ThinLens};
 pub(crate) use check::{check_devices, check_scene};

@@ -89,7 +89,7 @@ pub(super) fn without_tape<const D: usize>(t: &Tensor<D>) -> Tensor<D> {
 
 /// The largest radiance, intensity or irradiance. Sums over an image's samples, their squares, and products with
 /// factors near a light then stay in the range of f32.
-pub(crate) const MOST_LIGHT: f64 = 1e15;
+pub(crate) const MAX_LIGHT: f64 = 1e15;
 
 /// A range of values. All values must be finite in f32, the float type of kernels.
 #[derive(Clone, Copy, Debug)]
@@ -101,7 +101,7 @@ pub(crate) enum Range {
     Share,
     /// From the first number to the second, inclusive.
     Within(f64, f64),
-    /// Light of either sign, of an absolute value of at most [`MOST_LIGHT`].
+    /// Light of either sign, of an absolute value of at most [`MAX_LIGHT`].
     Light,
     /// Between both numbers, exclusive.
     Degrees(i32, i32),
@@ -132,7 +132,7 @@ impl Range {
                 Self::NotNegative => v >= 0.0,
                 Self::Share => (0.0..=1.0).contains(&v),
                 Self::Within(low, high) => (low..=high).contains(&v),
-                Self::Light => v.abs() <= MOST_LIGHT,
+                Self::Light => v.abs() <= MAX_LIGHT,
                 Self::Degrees(low, high) => v > low.into() && v < high.into(),
             }
     }
@@ -150,7 +150,7 @@ impl Range {
             Self::Share => format!("{numbers} in [0, 1]"),
             Self::Within(low, high) => format!("{numbers} in [{low}, {high}]"),
             Self::Light => {
-                format!("{finite} of at most {MOST_LIGHT:e}, so that sums of light do not overflow")
+                format!("{finite} of at most {MAX_LIGHT:e}, so that sums of light do not overflow")
             }
             Self::Degrees(low, high) => format!("degrees in ({low}, {high})"),
         }

@@ -48,7 +48,7 @@ struct Tracing<'a> {
     map: Option<&'a SkyMap>,
     /// Other environments, whose light is added where bounce rays miss.
     sky: Option<&'a Sky>,
-    found: Vec<Contribution>,
+    contributions: Vec<Contribution>,
     draws: Vec<Draw>,
     /// The shares of surfaces in the primary rays, and the light that these rays see.
     first: Option<Shares>,
@@ -83,7 +83,7 @@ pub(crate) fn trace<'a>(
         },
         map,
         sky: sky.filter(|_| map.is_none()),
-        found: Vec::new(),
+        contributions: Vec::new(),
         draws: Vec::new(),
         first: None,
         seen: None,
@@ -236,15 +236,15 @@ impl<'a> Tracing<'a> {
 
     /// Adds light that arrives at points after `bounce` bounces. After the first surface it is scaled down to the limit
     /// of indirect light, if there is one.
-    fn add(&mut self, bounce: u32, mut found: Contribution) {
+    fn add(&mut self, bounce: u32, mut contribution: Contribution) {
         let limit = self.tracer.transport.settings.indirect_clamp;
         if let Some(limit) = limit.filter(|_| bounce > 0) {
-            let Vec3 { x, y, z } = &found.light;
+            let Vec3 { x, y, z } = &contribution.light;
             let largest = x.clone().max_pair(y.clone()).max_pair(z.clone());
             let scale = largest.clamp_min(limit).recip() * limit;
-            found.light = found.light.scale(&scale);
+            contribution.light = contribution.light.scale(&scale);
         }
-        self.found.push(found);
+        self.contributions.push(contribution);
     }
 
     fn go_on(&mut self, points: SurfacePoints, scatter: Scatter, bounce: u32) -> Result<()> {
@@ -285,7 +285,7 @@ impl<'a> Tracing<'a> {
         let Self {
             tracer,
             batch,
-            found,
+            contributions,
             ..
         } = self;
         let scene = tracer.scene();
@@ -294,16 +294,16 @@ impl<'a> Tracing<'a> {
             None => tracer.weights(&batch.rays)?,
         };
         if let Some(d) = tracer.diagnostics.borrow_mut().as_mut() {
-            for c in &found {
+            for c in &contributions {
                 d.light(&c.light)?;
             }
         }
-        let mut radiance = whole(scene, &found, 0, count);
+        let mut radiance = whole(scene, &contributions, 0, count);
         if let Some(seen) = self.seen {
             radiance = radiance.add(&seen);
         }
         for draw in &self.draws {
-            let later = whole(scene, &found, draw.bounce, count).detached();
+            let later = whole(scene, &contributions, draw.bounce, count).detached();
             if let Some(control) = control_variate(scene, draw, &later, per_pixel) {
                 radiance = radiance.add(&control);
             }
@@ -319,10 +319,10 @@ impl<'a> Tracing<'a> {
 }
 
 /// Sums up the contributions of a bounce and all later ones by path.
-fn whole(scene: &Flattened, found: &[Contribution], from: u32, count: usize) -> Vec3 {
+fn whole(scene: &Flattened, contributions: &[Contribution], from: u32, count: usize) -> Vec3 {
     let zero = Tensor::<2>::zeros([1, count], (&scene.context.device, scene.context.dtype));
     let mut sum = Vec3::new(zero.clone(), zero.clone(), zero);
-    for c in found.iter().filter(|c| c.bounce >= from) {
+    for c in contributions.iter().filter(|c| c.bounce >= from) {
         sum = sum.add(&c.light.map(|l| spread(&scene.context, l, &c.slots, count)));
     }
     sum

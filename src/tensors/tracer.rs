@@ -158,7 +158,7 @@ impl<'a> Tracer<'a> {
             Sight::Softmax(_, None) => {
                 statistics.rays += n as u64;
                 statistics.tested += (n * triangles) as u64;
-                let list = vec![((0..n as u32).collect(), Pairs::all(triangles))];
+                let list = vec![((0..n as u32).collect(), Pairs::with_all(triangles))];
                 return Ok(Groups { rays: n, list });
             }
             Sight::Softmax(softmax, Some(candidates)) => {
@@ -171,7 +171,7 @@ impl<'a> Tracer<'a> {
         statistics.rays += needed.iter().filter(|&&n| n).count() as u64;
         let group = |which: Vec<u32>| {
             let lists = which.iter().filter_map(|&i| lists[i as usize].as_ref());
-            let pairs = Pairs::own(context, &lists.collect::<Vec<&List>>());
+            let pairs = Pairs::with_candidates(context, &lists.collect::<Vec<&List>>());
             (which, pairs)
         };
         let list = grouped(&lists).into_iter().map(group).collect();

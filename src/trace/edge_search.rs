@@ -44,7 +44,8 @@ impl Observer {
 pub(crate) struct Search {
     pub query: Query,
     pub lobe: Lobe,
-    pub asked: bool,
+    /// Whether it is made.
+    pub is_made: bool,
     /// Whether it is for the light of emitters.
     pub of_light: bool,
     pub moves: bool,
@@ -100,7 +101,7 @@ pub(crate) fn search(
     let mut s = Search {
         query: towards_light(x, time, shading.geometric, tangent),
         lobe: Lobe::whole(shading.geometric),
-        asked: false,
+        is_made: false,
         of_light,
         moves: o.moves,
         u: drawn.y,
@@ -115,9 +116,9 @@ pub(crate) fn search(
     };
     if of_light {
         if comptime!(scene.features.emitters) {
-            s.asked = looks_for_edges(scene, o.bounce, o.searches, true, more.y);
+            s.is_made = looks_for_edges(scene, o.bounce, o.searches, true, more.y);
             s.cone_v = more.x;
-            if s.asked {
+            if s.is_made {
                 let at: Receiver = receiver_of(&o.point, time);
                 let grouped = comptime!(sums.of.grouped);
                 let choice: GroupChoice = choose_group(scene, drawn.x, &at, room, grouped);
@@ -131,7 +132,7 @@ pub(crate) fn search(
                         let seen = emitters_of(scene).light(s.first).seen_from(x);
                         s.query = towards_light(x, time, seen.direction, tangent);
                         // Without a cone, the edge of its shadow is not a boundary of any integral.
-                        s.asked = tangent > 0.0 && seen.scale > 0.0;
+                        s.is_made = tangent > 0.0 && seen.scale > 0.0;
                     }
                 } else {
                     let of = &scene.groups[(GROUP * choice.group) as usize..];
@@ -142,11 +143,11 @@ pub(crate) fn search(
             }
         }
     } else {
-        s.asked = looks_for_edges(scene, o.bounce, o.searches, false, drawn.x);
+        s.is_made = looks_for_edges(scene, o.bounce, o.searches, false, drawn.x);
         if comptime!(sums.of.turns) {
             s.moves = true;
         }
-        if s.asked {
+        if s.is_made {
             let found: LobeSearch = of_lobe(&shading, x, time, drawn.x / rate, tangent);
             s.query = found.query;
             s.lobe = found.lobe;

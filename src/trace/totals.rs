@@ -23,12 +23,12 @@ pub(crate) const FIRST_SUM: usize = 16;
 const _: () = assert!(PARTS <= FIRST_SUM);
 
 /// Index, behind the scales of all parts, of the limit: scaled derivatives below it are added to 64 bits. It is at
-/// least [`LEAST_LIMIT`] (log₂), above which f32 has no fractions.
+/// least [`MIN_LIMIT`] (log₂), above which f32 has no fractions.
 pub(crate) const LIMIT: usize = PARTS;
-pub(crate) const LEAST_LIMIT: i32 = 24;
+pub(crate) const MIN_LIMIT: i32 = 24;
 
 /// Bits of 2⁷⁸: scaled derivatives added to 96-bit sums are smaller, so that 2¹⁷ of the largest fit.
-const MOST: u32 = (78 + 127) << 23;
+const MAX_SCALED_BITS: u32 = (78 + 127) << 23;
 
 /// Bits of the smallest magnitude at which floats have no fractions.
 const OF_WHOLES: u32 = (24 + 127) << 23;
@@ -66,7 +66,7 @@ impl<'a> Totals<'a> {
             let size = magnitude(scaled);
             if scale == MEASURE {
                 self.look_at(part, magnitude(value));
-            } else if size < MOST {
+            } else if size < MAX_SCALED_BITS {
                 self.add_whole(self.first[part as usize] + at, scaled, size);
             } else {
                 // Infinity and NaN are above every limit.

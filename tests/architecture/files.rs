@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The most lines of a file.
-const MOST_LINES: usize = 400;
+const MAX_LINES: usize = 400;
 
 /// A file's path from the root of the repository, and its text.
 pub type Source = (PathBuf, String);
@@ -43,8 +43,8 @@ pub fn rust_files(folder: impl AsRef<Path>) -> Vec<Source> {
 /// The complaint about a file that has too many lines.
 pub fn too_long((path, text): &Source) -> Option<String> {
     let lines = text.lines().count();
-    let long = lines > MOST_LINES;
-    long.then(|| format!("{}: {lines} lines, at most {MOST_LINES}", path.display()))
+    let long = lines > MAX_LINES;
+    long.then(|| format!("{}: {lines} lines, at most {MAX_LINES}", path.display()))
 }
 
 /// Complaints about attributes that let a long function pass and give no reason.
@@ -60,8 +60,8 @@ pub fn long_without_reason((path, text): &Source) -> Vec<String> {
 #[test]
 fn lines_are_counted() {
     let of = |lines: usize| (PathBuf::from("a.rs"), "x\n".repeat(lines));
-    assert_eq!(too_long(&of(MOST_LINES)), None);
-    let found = too_long(&of(MOST_LINES + 1)).expect("a complaint");
+    assert_eq!(too_long(&of(MAX_LINES)), None);
+    let found = too_long(&of(MAX_LINES + 1)).expect("a complaint");
     assert_eq!(found, "a.rs: 401 lines, at most 400");
 }
 

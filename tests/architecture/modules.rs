@@ -37,10 +37,10 @@ impl Modules {
             let file = syn::parse_file(&text).unwrap_or_else(|e| panic!("{module:?}: {e}"));
             let mut paths = Paths {
                 module: module.clone(),
-                found: Vec::new(),
+                list: Vec::new(),
             };
             paths.visit_file(&file);
-            (module, paths.found)
+            (module, paths.list)
         });
         Self(parsed.collect())
     }
@@ -92,13 +92,13 @@ impl Modules {
 /// import anything.
 struct Paths {
     module: Names,
-    found: Vec<Named>,
+    list: Vec<Named>,
 }
 
 impl Paths {
     fn add(&mut self, path: &[String], used_as: Option<String>) {
         let path = self.absolute(path);
-        self.found.push(Named { path, used_as });
+        self.list.push(Named { path, used_as });
     }
 
     /// A path of the current module, from the root of the crate.

@@ -7,12 +7,12 @@ pub mod folder;
 pub mod gradients;
 pub mod materials;
 pub mod memory;
+pub mod mistakes;
 pub mod numbers;
 pub mod process;
 pub mod scenes;
 pub mod stress;
 pub mod tensors;
-pub mod told;
 pub mod training;
 
 use std::path::PathBuf;

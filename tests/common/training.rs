@@ -101,7 +101,7 @@ impl ModuleMapper for Fill {
 struct Gather<'a> {
     path: Vec<String>,
     gradients: Option<&'a GradientsParams>,
-    found: Vec<(String, Vec<f64>)>,
+    values: Vec<(String, Vec<f64>)>,
 }
 
 impl ModuleVisitor for Gather<'_> {
@@ -114,12 +114,12 @@ impl ModuleVisitor for Gather<'_> {
     }
 
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-        let found = match self.gradients {
+        let numbers = match self.gradients {
             Some(gradients) => gradients.get::<D>(param.id).map(|g| values(&g)),
             None => Some(values(&param.val())),
         };
-        let found = found.unwrap_or_default();
-        self.found.push((self.path.join("."), found));
+        let numbers = numbers.unwrap_or_default();
+        self.values.push((self.path.join("."), numbers));
     }
 }
 
@@ -127,10 +127,10 @@ fn gather(network: &Predictor, gradients: Option<&GradientsParams>) -> Vec<(Stri
     let mut gather = Gather {
         path: Vec::new(),
         gradients,
-        found: Vec::new(),
+        values: Vec::new(),
     };
     network.visit(&mut gather);
-    gather.found
+    gather.values
 }
 
 /// What a step brought.

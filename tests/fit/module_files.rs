@@ -14,7 +14,7 @@ use softray::prelude::*;
 
 /// One of each.
 #[derive(Module, Debug)]
-struct All {
+struct OneOfEach {
     mesh: MeshParams,
     offsets: MeshOffsets,
     pose: RigidTransform,
@@ -25,9 +25,9 @@ struct All {
     surface: MaterialParams,
 }
 
-fn all(device: &Device) -> All {
+fn one_of_each(device: &Device) -> OneOfEach {
     let ball = shapes::icosahedron(device);
-    All {
+    OneOfEach {
         mesh: MeshParams::from_mesh(&ball, device).expect("a mesh"),
         offsets: MeshOffsets::from_mesh(&ball, device).expect("a mesh"),
         pose: pose(device, Some(1.0)),
@@ -85,7 +85,7 @@ fn round_trip<M: Module>(name: &str, module: M) {
 
 #[test]
 fn parameters_come_back_from_files() {
-    let all = all(&Device::flex().autodiff());
+    let all = one_of_each(&Device::flex().autodiff());
     let found = parameters(&all, None);
     let trained = |name: &str| found.iter().find(|p| p.name == name).expect(name).trained;
     assert!(trained("mesh.vertices") && trained("camera.eye"));
@@ -105,11 +105,11 @@ fn parameters_come_back_from_files() {
 fn files_take_the_modules_float_type() {
     let device = Device::flex().autodiff();
     let file = path("f64.safetensors");
-    save_safetensors(&cast(all(&device), DType::F64), &file).expect("a file");
-    let loaded = load_safetensors(all(&device), &file).expect("a module");
+    save_safetensors(&cast(one_of_each(&device), DType::F64), &file).expect("a file");
+    let loaded = load_safetensors(one_of_each(&device), &file).expect("a module");
     assert_eq!(loaded.mesh.vertices.val().dtype(), DType::F32);
     assert!(loaded.mesh.vertices.val().is_require_grad());
-    let same = parameters(&all(&device), None);
+    let same = parameters(&one_of_each(&device), None);
     assert_eq!(parameters(&loaded, None), same);
     // Burn's records bring theirs: constants follow.
     let offsets = MeshOffsets::from_mesh(&shapes::icosahedron(&device), &device);
@@ -168,7 +168,7 @@ fn what_does_not_fit_is_named() {
     says(&error, ["no-such-folder"]);
 }
 
-/// A file's names have a version: a newer one is refused, and names from before it are told with today's.
+/// A file's names have a version: a newer one is refused, and an error about older names lists today's.
 #[test]
 fn names_have_a_version() {
     use burn::module::Param;

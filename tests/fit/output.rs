@@ -295,7 +295,7 @@ fn mistakes_with_pictures_are_named() {
     })));
     says(&found, ["named twice"]);
     assert_eq!(std::fs::read_dir(&folder).expect("a folder").count(), 0);
-    // A folder that can't be made, told before the first step.
+    // A folder that can't be made is an error before the first step.
     let file = folder.join("file");
     std::fs::write(&file, "").expect("a file");
     let fit = || fit(point(&tracked()), 3);

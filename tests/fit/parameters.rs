@@ -5,9 +5,9 @@ use burn::tensor::{Gradients, Tensor};
 
 use crate::common::values;
 
-/// A parameter as it was found.
+/// A parameter of a module.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Found {
+pub struct NamedParameter {
     pub name: String,
     pub values: Vec<f64>,
     pub trained: bool,
@@ -15,11 +15,11 @@ pub struct Found {
 }
 
 /// All float parameters of a module, with their gradients where some are given.
-pub fn parameters<M: Module>(module: &M, gradients: Option<&Gradients>) -> Vec<Found> {
+pub fn parameters<M: Module>(module: &M, gradients: Option<&Gradients>) -> Vec<NamedParameter> {
     struct Visit<'a> {
         path: Vec<String>,
         gradients: Option<&'a Gradients>,
-        found: Vec<Found>,
+        parameters: Vec<NamedParameter>,
     }
     impl ModuleVisitor for Visit<'_> {
         fn enter_module(&mut self, name: &str, _: &str) {
@@ -31,7 +31,7 @@ pub fn parameters<M: Module>(module: &M, gradients: Option<&Gradients>) -> Vec<F
         fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
             let tensor = param.val();
             let gradient = self.gradients.and_then(|g| tensor.grad(g));
-            self.found.push(Found {
+            self.parameters.push(NamedParameter {
                 name: self.path.join("."),
                 values: values(&tensor),
                 trained: tensor.is_require_grad(),
@@ -42,10 +42,10 @@ pub fn parameters<M: Module>(module: &M, gradients: Option<&Gradients>) -> Vec<F
     let mut visit = Visit {
         path: Vec::new(),
         gradients,
-        found: Vec::new(),
+        parameters: Vec::new(),
     };
     module.visit(&mut visit);
-    visit.found
+    visit.parameters
 }
 
 /// A module whose parameters are changed by a function of name, component and value.

@@ -170,7 +170,7 @@ fn gradients_of_chamfer_flow_to_both() {
 }
 
 #[test]
-fn what_has_no_points_is_told() {
+fn what_has_no_points_is_an_error() {
     let device = Device::flex();
     let good = || on_flex(&[0.0; 6]);
     let nan = || on_flex(&[0.0, 0.0, 0.0, 0.0, f64::NAN, 0.0]);

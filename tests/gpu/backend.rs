@@ -10,31 +10,31 @@ use softray::prelude::*;
 
 /// In a process of its own, whose loader finds no driver.
 #[test]
-fn a_machine_without_the_device_is_told() {
+fn a_machine_without_the_device_is_an_error() {
     if std::env::var_os("SOFTRAY_NO_DRIVER").is_some() {
         let said = |name| match softray::device::named(Some(name)) {
             Ok(_) => "a device".to_owned(),
             Err(error) => error.to_string(),
         };
         #[cfg(feature = "vulkan")]
-        println!("\ntold {}", said("vulkan"));
-        println!("\ntold {}", said("wgpu:discrete:40"));
+        println!("\nerror {}", said("vulkan"));
+        println!("\nerror {}", said("wgpu:discrete:40"));
         return;
     }
-    let output = again(a_machine_without_the_device_is_told)
+    let output = again(a_machine_without_the_device_is_an_error)
         .env("SOFTRAY_NO_DRIVER", "1")
         .env("VK_DRIVER_FILES", "/nowhere/driver.json")
         .env("VK_ICD_FILENAMES", "/nowhere/driver.json")
         .output()
         .expect("a process");
     let text = String::from_utf8_lossy(&output.stdout);
-    let told: Vec<&str> = text
+    let errors: Vec<&str> = text
         .lines()
-        .filter_map(|l| l.strip_prefix("told "))
+        .filter_map(|l| l.strip_prefix("error "))
         .collect();
-    println!("{told:#?}");
+    println!("{errors:#?}");
     assert_eq!(
-        told.len(),
+        errors.len(),
         1 + usize::from(cfg!(feature = "vulkan")),
         "{output:?}"
     );
@@ -43,8 +43,11 @@ fn a_machine_without_the_device_is_told() {
     } else {
         "wgpu"
     };
-    assert!(told[0].starts_with(&format!("device {named}")), "{told:?}");
-    for message in told {
+    assert!(
+        errors[0].starts_with(&format!("device {named}")),
+        "{errors:?}"
+    );
+    for message in errors {
         for part in ["adapter", "driver", "VK_DRIVER_FILES", "flex"] {
             assert!(message.contains(part), "no {part:?} in {message}");
         }
@@ -89,15 +92,15 @@ fn device_of_few_bindings(most: u32) -> Device {
 }
 
 #[test]
-fn a_device_that_allows_too_few_bindings_is_told() {
+fn a_device_that_allows_too_few_bindings_is_an_error() {
     let device = device_of_few_bindings(7);
     let file = scene_file("cornell", &device);
     let options = RenderOptions::new(8, 8).with_samples(1);
-    let told = render(&file.scene, &file.camera, &options).expect_err("few bindings");
-    let told = told.to_string();
-    println!("{told}");
+    let error = render(&file.scene, &file.camera, &options).expect_err("few bindings");
+    let error = error.to_string();
+    println!("{error}");
     for part in ["device", "7 buffers", "allows 7", "CPU"] {
-        assert!(told.contains(part), "no {part:?} in {told}");
+        assert!(error.contains(part), "no {part:?} in {error}");
     }
 }
 

@@ -7,10 +7,10 @@ use std::sync::Arc;
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
 use crate::common::materials::base;
+use crate::common::mistakes::warnings;
 use crate::common::numbers::{largest, mean};
 use crate::common::scenes::{facing_front, floor, lamp};
 use crate::common::tensors::{radiance, values};
-use crate::common::told::warnings;
 use crate::written::{camera, texels, uvs};
 use burn::tensor::DType;
 use softray::prelude::*;
@@ -115,7 +115,7 @@ fn a_scene_reads_back_to_the_same_image() {
 }
 
 #[test]
-fn what_is_lost_is_told() {
+fn what_is_lost_warns() {
     let folder = Folder::new("losses");
     let device = Device::flex();
     let wandered = Tensor::<1>::from_floats([-0.01, 0.5, 1.2], &device);
@@ -142,18 +142,18 @@ fn what_is_lost_is_told() {
         .with_environment([0.2; 3]);
     let path = folder.path("losses.obj");
     let warnings = warnings(|| scene.write(&path).expect("files"));
-    let told = |word: &str, of: &str| {
+    let warned = |word: &str, of: &str| {
         let found = warnings
             .iter()
             .filter(|w| w.contains(word) && w.contains(of));
         assert_eq!(found.count(), 1, "{word}, {of}: {warnings:?}");
     };
-    told("losses.obj", "environment");
-    told("velocity [0.5, 0.0, 0.0]", "lost_moving");
-    told("lost_empty", "no faces");
-    told("lost_still, material material", "can't be rendered");
-    told("lost_tiled, material material", "mirrored");
-    told("\"lost_moving\" is \"lost_moving_2\"", "losses.obj");
+    warned("losses.obj", "environment");
+    warned("velocity [0.5, 0.0, 0.0]", "lost_moving");
+    warned("lost_empty", "no faces");
+    warned("lost_still, material material", "can't be rendered");
+    warned("lost_tiled, material material", "mirrored");
+    warned("\"lost_moving\" is \"lost_moving_2\"", "losses.obj");
     let text = fs::read_to_string(folder.path("losses.mtl")).expect("a text");
     assert!(text.contains("Kd -0.01 0.5 1.2\n"), "{text}");
     let read = Scene::load(&path, &device).expect("a scene");

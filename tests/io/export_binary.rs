@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use crate::common::folder::Folder;
 use crate::common::materials::base;
+use crate::common::mistakes::warnings;
 use crate::common::numbers::{largest, mean};
 use crate::common::scenes::{facing_front, floor, lamp};
 use crate::common::tensors::values;
-use crate::common::told::warnings;
 use crate::written::{image, texels, uvs};
 use burn::tensor::{DType, TensorData};
 use softray::prelude::*;
@@ -84,12 +84,12 @@ fn a_scene_reads_back_from_gltf_to_the_same_image() {
         ("my room.gltf", &["my room.bin", "my room.gltf", "room.glb"]),
     ] {
         let path = folder.path(name);
-        let told = warnings(|| scene.write(&path).expect("files"));
-        assert!(told.is_empty(), "{told:?}");
+        let warned = warnings(|| scene.write(&path).expect("files"));
+        assert!(warned.is_empty(), "{warned:?}");
         assert_eq!(folder.files(), files);
         let mut read = Scene::new();
-        let told = warnings(|| read = Scene::load(&path, &Device::flex()).expect("a scene"));
-        assert!(told.is_empty(), "{told:?}");
+        let warned = warnings(|| read = Scene::load(&path, &Device::flex()).expect("a scene"));
+        assert!(warned.is_empty(), "{warned:?}");
         let names: Vec<&str> = read.objects.iter().map(|o| o.name.as_str()).collect();
         assert_eq!(names, ["floor", "ball", "cube", "back \"\n", "lamp"]);
         assert_eq!(read.objects[2].mesh.vertices.dims(), [8, 3]);
@@ -128,10 +128,10 @@ fn a_scene_reads_back_from_ply_to_the_same_image() {
         .with_object(Object::new(cube).with_name("cube"))
         .with_environment([1.0, 0.5, 0.25]);
     let path = folder.path("two.ply");
-    let told = warnings(|| scene.write(&path).expect("a file"));
+    let warned = warnings(|| scene.write(&path).expect("a file"));
     assert!(
-        told.len() == 1 && told[0].contains("environment"),
-        "{told:?}"
+        warned.len() == 1 && warned[0].contains("environment"),
+        "{warned:?}"
     );
     let read = Scene::load(&path, &device).expect("a scene");
     assert_eq!(read.objects.len(), 1);
@@ -182,7 +182,7 @@ fn meshes_keep_every_bit() {
 }
 
 #[test]
-fn what_is_lost_is_told() {
+fn what_is_lost_warns() {
     let folder = Folder::new("binary-losses");
     let device = Device::flex();
     let wandered = Tensor::<1>::from_floats([-0.01, 0.5, 1.2], &device);
@@ -199,20 +199,20 @@ fn what_is_lost_is_told() {
                 .with_material(Material::diffuse(ColorTexture::texture(bright))),
         )
         .with_object(Object::new(nothing).with_name("empty"));
-    let told = warnings(|| scene.write(folder.path("a.glb")).expect("a file"));
+    let warned = warnings(|| scene.write(folder.path("a.glb")).expect("a file"));
     for (part, of) in [
         ("no faces", "empty"),
         ("velocity [0.5, 0.0, 0.0]", "moving"),
         ("written as [0.0, 0.5, 1.0]", "still, material material"),
         ("clipped", "bright, material material"),
     ] {
-        let found = told.iter().filter(|w| w.contains(part) && w.contains(of));
-        assert_eq!(found.count(), 1, "{part}: {told:?}");
+        let found = warned.iter().filter(|w| w.contains(part) && w.contains(of));
+        assert_eq!(found.count(), 1, "{part}: {warned:?}");
     }
-    assert_eq!(told.len(), 4, "{told:?}");
-    let told = warnings(|| scene.write(folder.path("a.ply")).expect("a file"));
+    assert_eq!(warned.len(), 4, "{warned:?}");
+    let warned = warnings(|| scene.write(folder.path("a.ply")).expect("a file"));
     assert!(
-        told.iter().any(|w| w.contains("textures, gloss")),
-        "{told:?}"
+        warned.iter().any(|w| w.contains("textures, gloss")),
+        "{warned:?}"
     );
 }

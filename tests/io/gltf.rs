@@ -4,7 +4,7 @@ use crate::common;
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
 use crate::common::materials::base;
-use crate::common::told::warnings;
+use crate::common::mistakes::warnings;
 use crate::gltf_maker::{Gltf, data_uri};
 use crate::written::constant;
 use glam::DVec3;
@@ -190,8 +190,8 @@ fn materials_and_textures() {
             file.gltf(&data_uri("application/octet-stream", &file.buffer)),
         );
         let mut loaded = None;
-        let told = warnings(|| loaded = Some(Scene::load(&path, &Device::flex())));
-        assert!(told.is_empty(), "{told:?}");
+        let warned = warnings(|| loaded = Some(Scene::load(&path, &Device::flex())));
+        assert!(warned.is_empty(), "{warned:?}");
         let scene = loaded.expect("it").expect("a scene");
         let material = &scene.objects[0].materials[0];
         assert_eq!(material.name, "wood");
@@ -213,9 +213,9 @@ fn materials_and_textures() {
     }
 }
 
-/// What this crate doesn't render is told, once.
+/// What this crate doesn't render causes warnings, each once.
 #[test]
-fn what_is_not_rendered_is_told() {
+fn what_is_not_rendered_warns() {
     let mut file = Gltf::square();
     file.push("images", json!({"uri": data_uri("image/png", &png())}));
     file.push("textures", json!({"source": 0}));
@@ -226,11 +226,14 @@ fn what_is_not_rendered_is_told() {
     }));
     file.json["animations"] = json!([{"channels": [], "samplers": []}]);
     file.json["extensionsUsed"] = json!(["KHR_materials_clearcoat", "KHR_materials_transmission"]);
-    let told = warnings(|| load(&file).expect("a scene"));
-    assert_eq!(told.len(), 2, "{told:?}");
-    says(&told[0], ["not read: KHR_materials_clearcoat, animations"]);
+    let warned = warnings(|| load(&file).expect("a scene"));
+    assert_eq!(warned.len(), 2, "{warned:?}");
     says(
-        &told[1],
+        &warned[0],
+        ["not read: KHR_materials_clearcoat, animations"],
+    );
+    says(
+        &warned[1],
         [
             "not rendered",
             "alphaMode BLEND",

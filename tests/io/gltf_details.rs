@@ -4,10 +4,10 @@
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
 use crate::common::materials::{base, metallic};
+use crate::common::mistakes::warnings;
 use crate::common::numbers::mean;
 use crate::common::scenes::{facing_front, floor, lamp};
 use crate::common::tensors::{radiance, values};
-use crate::common::told::warnings;
 use crate::gltf_maker::{Gltf, data_uri};
 use crate::written::{camera, image, near, texels, uvs};
 use burn::tensor::Tensor;
@@ -20,8 +20,8 @@ fn load(file: &Gltf) -> (Scene, Vec<String>) {
     let name = format!("{:?}.glb", std::thread::current().id());
     let path = folder.write(&name, file.glb());
     let mut scene = Scene::new();
-    let told = warnings(|| scene = Scene::load(path, &Device::flex()).expect("a scene"));
-    (scene, told)
+    let warned = warnings(|| scene = Scene::load(path, &Device::flex()).expect("a scene"));
+    (scene, warned)
 }
 
 /// The square with a material and one texture of two pixels.
@@ -47,8 +47,8 @@ fn normal_maps_and_masks() {
         "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 1, 1, 0.5]},
         "alphaMode": "MASK", "alphaCutoff": 0.25
     });
-    let (scene, told) = load(&square(json, [[255, 0, 255, 255], [51, 204, 128, 51]]));
-    assert!(told.is_empty(), "{told:?}");
+    let (scene, warned) = load(&square(json, [[255, 0, 255, 255], [51, 204, 128, 51]]));
+    assert!(warned.is_empty(), "{warned:?}");
     let material = &scene.objects[0].materials[0];
     let map = material.normal_map.as_ref().expect("a normal map");
     assert_eq!(map.wrap, Wrap::Clamp);
@@ -70,8 +70,8 @@ fn normal_maps_and_masks() {
         json!({"alphaMode": "MASK", "alphaCutoff": 0.1, "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}),
         json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}),
     ] {
-        let (scene, told) = load(&square(json, [[255; 4], [51; 4]]));
-        assert!(told.is_empty() && scene.objects[0].materials[0].alpha_mask.is_none());
+        let (scene, warned) = load(&square(json, [[255; 4], [51; 4]]));
+        assert!(warned.is_empty() && scene.objects[0].materials[0].alpha_mask.is_none());
     }
 }
 
@@ -84,9 +84,9 @@ fn details_without_coordinates_are_left_out() {
     let mut file = square(json, [[255, 0, 255, 255], [255, 51, 0, 0]]);
     let attributes = &mut file.json["meshes"][0]["primitives"][0]["attributes"];
     attributes.as_object_mut().expect("it").remove("TEXCOORD_0");
-    let (scene, told) = load(&file);
+    let (scene, warned) = load(&file);
     for part in ["a normal map or an alpha mask", "taking its mean"] {
-        assert!(told.iter().any(|t| t.contains(part)), "{told:?}");
+        assert!(warned.iter().any(|t| t.contains(part)), "{warned:?}");
     }
     let material = &scene.objects[0].materials[0];
     let ScalarTexture::Constant(metal) = metallic(material) else {
@@ -115,8 +115,8 @@ fn colors_and_tangents() {
     attributes["NORMAL"] = json!(normals);
     attributes["TANGENT"] = json!(tangents);
     file.json["nodes"][0]["matrix"] = json!([0, 2, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
-    let (scene, told) = load(&file);
-    assert!(told.is_empty(), "{told:?}");
+    let (scene, warned) = load(&file);
+    assert!(warned.is_empty(), "{warned:?}");
     let mesh = &scene.objects[0].mesh;
     let found = mesh.colors.as_ref().expect("colors");
     let expected = [1.0, 0.0, 0.2, 0.0, 1.0, 0.2, 0.0, 0.0, 0.2, 1.0, 1.0, 0.2];
@@ -192,11 +192,11 @@ fn details_read_back_to_the_same_image() {
     // What was read is written and read again, too.
     for name in ["room.glb", "room.gltf"] {
         let path = folder.path(name);
-        let told = warnings(|| {
+        let warned = warnings(|| {
             back.write(&path).expect("a file");
             back = Scene::load(&path, &Device::flex()).expect("a scene");
         });
-        assert!(told.is_empty(), "{told:?}");
+        assert!(warned.is_empty(), "{warned:?}");
         let (other, same): (Vec<f64>, Vec<f64>) = differ(&back).iter().partition(|d| **d > 2e-3);
         println!(
             "{} numbers differ, the others by {:.1e}",
@@ -232,9 +232,12 @@ fn other_formats_tell_what_they_lose() {
         ),
         ("a.ply", &["the normal map", "the alpha mask"]),
     ] {
-        let told = warnings(|| scene.write(folder.path(name)).expect("a file"));
+        let warned = warnings(|| scene.write(folder.path(name)).expect("a file"));
         for part in parts {
-            assert!(told.iter().any(|t| t.contains(part)), "{name}: {told:?}");
+            assert!(
+                warned.iter().any(|t| t.contains(part)),
+                "{name}: {warned:?}"
+            );
         }
     }
 }
@@ -249,8 +252,8 @@ fn extensions_that_are_not_read() {
         file.json["extensionsRequired"] = json!([name]);
         let path = folder.write("a.glb", file.glb());
         let mut scene = None;
-        let told = warnings(|| scene = Some(Scene::load(path, &Device::flex())));
-        (scene.expect("it was loaded"), told)
+        let warned = warnings(|| scene = Some(Scene::load(path, &Device::flex())));
+        (scene.expect("it was loaded"), warned)
     };
     for name in [
         "KHR_materials_unlit",
@@ -260,9 +263,9 @@ fn extensions_that_are_not_read() {
         "EXT_lights_image_based",
         "KHR_animation_pointer",
     ] {
-        let (scene, told) = load(name);
+        let (scene, warned) = load(name);
         assert!(scene.is_ok(), "{name}: {scene:?}");
-        assert!(told.len() == 1 && told[0].contains(name), "{told:?}");
+        assert!(warned.len() == 1 && warned[0].contains(name), "{warned:?}");
     }
     for (name, part) in [
         ("KHR_draco_mesh_compression", "compressed by Draco"),

@@ -2,10 +2,10 @@
 
 use crate::common::folder::Folder;
 use crate::common::materials::{base, metallic, model, roughness};
+use crate::common::mistakes::warnings;
 use crate::common::numbers::mean;
 use crate::common::scenes::{facing_front, floor, lamp};
 use crate::common::tensors::{radiance, values};
-use crate::common::told::warnings;
 use crate::gltf_maker::{Gltf, data_uri};
 use crate::written::{camera, near, texels, uvs};
 use image::{ImageFormat, Rgba, RgbaImage};
@@ -40,8 +40,8 @@ fn load(file: &Gltf) -> (Scene, Vec<String>) {
     let text = file.gltf(&data_uri("application/octet-stream", &file.buffer));
     let path = folder.write(&name, text);
     let mut scene = Scene::new();
-    let told = warnings(|| scene = Scene::load(path, &Device::flex()).expect("a scene"));
-    (scene, told)
+    let warned = warnings(|| scene = Scene::load(path, &Device::flex()).expect("a scene"));
+    (scene, warned)
 }
 
 fn number(texture: &ScalarTexture) -> Vec<f64> {
@@ -75,8 +75,8 @@ fn metal_and_roughness_are_of_linear_channels() {
             [[255, 188, 5, 255], [0; 4]],
         ],
     );
-    let (scene, told) = load(&file);
-    assert!(told.is_empty(), "{told:?}");
+    let (scene, warned) = load(&file);
+    assert!(warned.is_empty(), "{warned:?}");
     let material = &scene.objects[0].materials[0];
     assert_eq!(model(material), "metallic roughness");
     near(&color(base(material)), &[0.9, 0.6, 0.3]);
@@ -110,8 +110,8 @@ fn what_lets_all_light_pass_is_a_dielectric() {
         })
     };
     let solid = json!({"thicknessFactor": 0.1});
-    let (scene, told) = load(&square(glass(1.0, solid.clone(), 0.0, 1.33), &[]));
-    assert!(told.is_empty(), "{told:?}");
+    let (scene, warned) = load(&square(glass(1.0, solid.clone(), 0.0, 1.33), &[]));
+    assert!(warned.is_empty(), "{warned:?}");
     let material = &scene.objects[0].materials[0];
     assert_eq!(model(material), "dielectric");
     near(&color(base(material)), &[0.5, 1.0, 1.0]);
@@ -142,13 +142,13 @@ fn what_lets_all_light_pass_is_a_dielectric() {
             "indices of refraction",
         ),
     ] {
-        let (scene, told) = load(&square(json, &[]));
+        let (scene, warned) = load(&square(json, &[]));
         assert_eq!(model(&scene.objects[0].materials[0]), bsdf, "{part}");
-        assert!(told.len() == 1 && told[0].contains(part), "{told:?}");
+        assert!(warned.len() == 1 && warned[0].contains(part), "{warned:?}");
     }
     // Metal lets nothing pass, and its reflection has no index of refraction.
-    let (_, told) = load(&square(glass(1.0, solid.clone(), 1.0, 2.0), &[]));
-    assert!(told.is_empty(), "{told:?}");
+    let (_, warned) = load(&square(glass(1.0, solid.clone(), 1.0, 2.0), &[]));
+    assert!(warned.is_empty(), "{warned:?}");
     // What doesn't refract renders, too.
     let (scene, _) = load(&square(glass(1.0, solid, 0.0, 1.0), &[]));
     let options = RenderOptions::new(4, 4).with_samples(1).with_bounces(2);
@@ -174,8 +174,8 @@ fn lights_shine_along_their_nodes() {
         {"rotation": [0, half, 0, half], "extensions": node(2)}
     ]);
     file.json["scenes"][0]["nodes"] = json!([0, 1]);
-    let (scene, told) = load(&file);
-    assert!(told.is_empty(), "{told:?}");
+    let (scene, warned) = load(&file);
+    assert!(warned.is_empty(), "{warned:?}");
     let of = |p: &Parameter<3>| p.values().expect("values");
     let [
         Light::Point {
@@ -278,11 +278,11 @@ fn there_and_back(scene: &Scene, name: &str) -> Scene {
     let folder = Folder::new("gltf-there-and-back");
     let path = folder.path(name);
     let mut back = Scene::new();
-    let told = warnings(|| {
+    let warned = warnings(|| {
         scene.write(&path).expect("a file");
         back = Scene::load(&path, &Device::flex()).expect("a scene");
     });
-    assert!(told.is_empty(), "{told:?}");
+    assert!(warned.is_empty(), "{warned:?}");
     back
 }
 
@@ -341,7 +341,7 @@ fn facets_and_lights_read_back_to_the_same_image() {
 }
 
 #[test]
-fn what_gltf_can_not_hold_is_told() {
+fn what_gltf_can_not_hold_warns() {
     let device = Device::flex();
     let square = |material: Material| {
         let mesh = floor(1.0, 0.0, &device).with_uvs(uvs());
@@ -352,7 +352,7 @@ fn what_gltf_can_not_hold_is_told() {
         )
     };
     let image = |height: usize| ScalarTexture::texture(texels([height, 2], |i| 0.1 * i as f32));
-    let told = |scene: &Scene, name: &str| {
+    let warned = |scene: &Scene, name: &str| {
         let folder = Folder::new("gltf-losses");
         warnings(|| scene.write(folder.path(name)).expect("a file"))
     };
@@ -365,11 +365,11 @@ fn what_gltf_can_not_hold_is_told() {
         (&refraction, &["indices of refraction"]),
         (&dark, &["no less than 0", "indices of refraction"]),
     ] {
-        let told = told(scene, "a.glb");
-        assert_eq!(told.len(), parts.len(), "{told:?}");
+        let warned = warned(scene, "a.glb");
+        assert_eq!(warned.len(), parts.len(), "{warned:?}");
         assert!(
-            parts.iter().all(|p| told.iter().any(|t| t.contains(p))),
-            "{told:?}"
+            parts.iter().all(|p| warned.iter().any(|t| t.contains(p))),
+            "{warned:?}"
         );
     }
     let lit = Scene::new()
@@ -378,12 +378,15 @@ fn what_gltf_can_not_hold_is_told() {
         )
         .with_light(Light::directional([0.0, -1.0, 0.0], [1.0; 3]));
     for name in ["a.obj", "a.ply"] {
-        let told = told(&lit, name);
+        let warned = warned(&lit, name);
         for part in [
             "lights without a surface",
             "without what only glTF has: the BSDF",
         ] {
-            assert!(told.iter().any(|t| t.contains(part)), "{name}: {told:?}");
+            assert!(
+                warned.iter().any(|t| t.contains(part)),
+                "{name}: {warned:?}"
+            );
         }
     }
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::common::folder::Folder;
 use crate::common::materials::base;
-use crate::common::told::{Told, ball, camera, flex, lit, row, small, warnings};
+use crate::common::mistakes::{Mistakes, ball, camera, flex, lit, row, small, warnings};
 use crate::gltf_maker::Gltf;
 use burn::tensor::Tensor;
 use serde_json::json;
@@ -15,24 +15,24 @@ const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 
 #[test]
 fn files() {
-    let mut told = Told::default();
+    let mut mistakes = Mistakes::default();
     let folder = Folder::new("files");
     let obj = |path: PathBuf| Scene::load(path, &flex());
-    told.expect("no OBJ file", &["nowhere.obj", "No such file"], || {
+    mistakes.expect("no OBJ file", &["nowhere.obj", "No such file"], || {
         obj(folder.path("nowhere.obj"))
     });
-    told.expect("an OBJ file without faces", &["points.obj", "face"], || {
+    mistakes.expect("an OBJ file without faces", &["points.obj", "face"], || {
         obj(folder.write("points.obj", TRIANGLE))
     });
-    told.expect(
+    mistakes.expect(
         "a glTF file without meshes",
         &["scene.gltf", "no node"],
         || obj(folder.write("scene.gltf", "{\"asset\": {\"version\": \"2.0\"}}")),
     );
-    told.expect("a file of another kind", &["a.fbx", ".gltf"], || {
+    mistakes.expect("a file of another kind", &["a.fbx", ".gltf"], || {
         obj(folder.write("a.fbx", "Kaydara"))
     });
-    told.expect(
+    mistakes.expect(
         "a texture that is not there",
         &["wood.png", "No such"],
         || {
@@ -49,41 +49,41 @@ fn files() {
         );
         SceneFile::load(folder.write("s.json", &text), &flex())
     };
-    told.expect(
+    mistakes.expect(
         "a scene file without its OBJ",
         &["s.obj", "No such"],
         || scene(""),
     );
     folder.write("s.obj", TRIANGLE);
-    told.expect("a scene file, no faces", &["s.obj", "face"], || scene(""));
+    mistakes.expect("a scene file, no faces", &["s.obj", "face"], || scene(""));
     folder.write("s.obj", format!("{TRIANGLE}f 1 2 3\n"));
-    told.expect("a velocity of nothing", &["s.json", "\"moon\""], || {
+    mistakes.expect("a velocity of nothing", &["s.json", "\"moon\""], || {
         scene(", \"velocities\": {\"moon\": [1, 0, 0]}")
     });
-    told.expect("a missing field", &["t.json", "camera"], || {
+    mistakes.expect("a missing field", &["t.json", "camera"], || {
         SceneFile::load(folder.write("t.json", "{\"obj\": \"s.obj\"}"), &flex())
     });
     let image = || HostImage::new(2, 2, vec![0.5; 12]);
-    told.expect("write a JPEG", &["a.jpg", ".exr or .pfm or .png"], || {
+    mistakes.expect("write a JPEG", &["a.jpg", ".exr or .pfm or .png"], || {
         image()?.write(folder.path("a.jpg"))
     });
-    told.expect(
+    mistakes.expect(
         "write without an ending",
         &["image", ".exr or .pfm or .png"],
         || image()?.write(folder.path("image")),
     );
-    told.expect("write into no folder", &["none", "no folder"], || {
+    mistakes.expect("write into no folder", &["none", "no folder"], || {
         image()?.write(folder.path("none/a.png"))
     });
-    told.expect("read no image", &["a.obj", "decoded"], || {
+    mistakes.expect("read no image", &["a.obj", "decoded"], || {
         HostImage::read(folder.path("a.obj"))
     });
-    told.expect(
+    mistakes.expect(
         "an image of 4 channels",
         &["[2, 2, 4]", "[H, W, 3]"],
         || HostImage::from_tensor(&Tensor::zeros([2, 2, 4], &flex())),
     );
-    told.expect("values of an image", &["11 values", "12", "2 × 2"], || {
+    mistakes.expect("values of an image", &["11 values", "12", "2 × 2"], || {
         HostImage::new(2, 2, vec![0.0; 11])
     });
 }
@@ -104,7 +104,7 @@ fn errors_keep_their_source() {
     assert!(matches!(source, Some(Error::Invalid { field, .. }) if field == "velocity"));
 }
 
-/// Entries of a material that are not read are told once a file, by name; a texture without
+/// Entries of a material that are not read cause one warning a file, with their names; a texture without
 /// coordinates gives way to the color.
 #[test]
 fn what_files_hold_and_is_not_read() {
@@ -114,20 +114,21 @@ fn what_files_hold_and_is_not_read() {
     folder.write("a.mtl", mtl);
     let text = format!("mtllib a.mtl\n{TRIANGLE}usemtl a\nf 1 2 3\n");
     let path = folder.write("a.obj", &text);
-    let told = warnings(|| Scene::load(&path, &flex()).expect("a scene"));
-    let whole = told.len() == 1 && told[0].contains("a.mtl");
+    let warned = warnings(|| Scene::load(&path, &flex()).expect("a scene"));
+    let whole = warned.len() == 1 && warned[0].contains("a.mtl");
     assert!(
-        whole && told[0].ends_with("not read: d, Pr, map_Bump, Pm"),
-        "{told:?}"
+        whole && warned[0].ends_with("not read: d, Pr, map_Bump, Pm"),
+        "{warned:?}"
     );
 
     let image = HostImage::new(1, 1, vec![0.0; 3]).expect("an image");
     image.write(folder.path("black.png")).expect("a file");
     folder.write("a.mtl", "newmtl a\nKd 1 0 0\nmap_Kd black.png\n");
     let mut scene = Scene::new();
-    let told = warnings(|| scene = Scene::load(&path, &flex()).expect("a scene"));
-    let one = told.len() == 1 && told[0].contains("have a texture") && told[0].ends_with(": a");
-    assert!(one, "{told:?}");
+    let warned = warnings(|| scene = Scene::load(&path, &flex()).expect("a scene"));
+    let one =
+        warned.len() == 1 && warned[0].contains("have a texture") && warned[0].ends_with(": a");
+    assert!(one, "{warned:?}");
     let shown = format!("{:?}", scene.objects[0].materials[0]);
     assert_eq!(shown, r#"Material "a" { diffuse: [1.0, 0.0, 0.0] }"#);
     assert!(render(&scene, &camera(), &small()).is_ok());
@@ -144,11 +145,11 @@ fn warnings_of_obj_files_are_few() {
     let (known, unknown) = (faces("m"), faces("u"));
     let text = format!("mtllib a.mtl b.mtl\n{TRIANGLE}vt 0 0\n{known}{unknown}");
     let path = folder.write("a.obj", text);
-    let told = warnings(|| Scene::load(&path, &flex()).expect("a scene"));
-    assert_eq!(told.len(), 3, "{told:?}");
+    let warned = warnings(|| Scene::load(&path, &flex()).expect("a scene"));
+    assert_eq!(warned.len(), 3, "{warned:?}");
     let has = |part: &str, end: &str| {
-        let found = told.iter().any(|w| w.contains(part) && w.ends_with(end));
-        assert!(found, "{part}: {told:?}");
+        let found = warned.iter().any(|w| w.contains(part) && w.ends_with(end));
+        assert!(found, "{part}: {warned:?}");
     };
     has("no file defines", ": u0, u1, u2, u3, u4 and 4 more");
     has("Ks is scaled down", ": m0, m1, m2, m3, m4 and 4 more");
@@ -156,13 +157,13 @@ fn warnings_of_obj_files_are_few() {
 }
 
 #[test]
-fn black_images_are_told() {
+fn black_images_warn() {
     let black = |scene: Scene, part: &str| {
-        let told = warnings(|| {
+        let warned = warnings(|| {
             let image = render(&scene, &camera(), &small()).expect("an image");
             assert_eq!(image.mean().expect("values"), [0.0; 3]);
         });
-        assert!(told.len() == 1 && told[0].contains(part), "{told:?}");
+        assert!(warned.len() == 1 && warned[0].contains(part), "{warned:?}");
     };
     black(Scene::new().with_object(ball()), "no light");
     // A tensor of zeros is dark, too.
@@ -178,24 +179,24 @@ fn black_images_are_told() {
 
     let seen = Scene::new().with_object(lamp);
     let options = RenderOptions::new(16, 16).with_samples(4).with_bounces(0);
-    let told = warnings(|| render(&seen, &camera(), &options).expect("an image"));
-    assert!(told.is_empty(), "{told:?}");
+    let warned = warnings(|| render(&seen, &camera(), &options).expect("an image"));
+    assert!(warned.is_empty(), "{warned:?}");
 }
 
-/// What a render would be lost by is told before it, and leaves no file behind.
+/// What would lose a render is an error before it, and leaves no file behind.
 #[test]
 fn places_that_can_not_be_written_to() {
-    let mut told = Told::default();
+    let mut mistakes = Mistakes::default();
     let folder = Folder::new("places");
     // Where nobody may write, whatever their rights.
     #[cfg(target_os = "linux")]
-    told.expect(
+    mistakes.expect(
         "a folder of the system",
         &["/proc/a.png", "folder /proc"],
         || HostImage::check_path("/proc/a.png"),
     );
     std::fs::create_dir(folder.path("b.png")).expect("a folder");
-    told.expect("a folder as a file", &["b.png", "it is a folder"], || {
+    mistakes.expect("a folder as a file", &["b.png", "it is a folder"], || {
         HostImage::check_path(folder.path("b.png"))
     });
     let path = folder.write("c.exr", "old");
@@ -213,21 +214,21 @@ fn fields_that_scene_files_do_not_have() {
         "target": [0, 0, 0], "fov_y_degrees": 40, "width": 4, "height": 4, "fov": 3}, "lights": [
         {"kind": "point", "position": [1, 1, 1], "intensity": [1, 1, 1], "color": [1, 0, 0]}]}"#;
     let path = folder.write("s.json", text);
-    let told = warnings(|| SceneFile::load(&path, &flex()).expect("a scene"));
-    let whole = told.len() == 1 && told[0].contains("s.json");
+    let warned = warnings(|| SceneFile::load(&path, &flex()).expect("a scene"));
+    let whole = warned.len() == 1 && warned[0].contains("s.json");
     let fields = "not known: enviroment, camera.fov, lights[0].color";
-    assert!(whole && told[0].ends_with(fields), "{told:?}");
+    assert!(whole && warned[0].ends_with(fields), "{warned:?}");
     let known = text
         .replace("enviroment", "environment")
         .replace(", \"fov\": 3", "");
     let path = folder.write("s.json", known.replace(", \"color\": [1, 0, 0]", ""));
-    let told = warnings(|| SceneFile::load(&path, &flex()).expect("a scene"));
-    assert!(told.is_empty(), "{told:?}");
+    let warned = warnings(|| SceneFile::load(&path, &flex()).expect("a scene"));
+    assert!(warned.is_empty(), "{warned:?}");
 }
 
 #[test]
 fn scenes_without_extent_or_area() {
-    let mut told = Told::default();
+    let mut mistakes = Mistakes::default();
     let scene = |corners: [[f64; 3]; 3]| {
         lit(Object::new(Mesh::from_host(
             &corners,
@@ -237,8 +238,8 @@ fn scenes_without_extent_or_area() {
     };
     for place in [[0.0; 3], [1.0, -2.0, 1e6]] {
         let parts = ["scene: bounds", "not all in one point"];
-        told.expect("a point", &parts, || overview(&scene([place; 3])));
-        told.expect("a point in a frame", &parts, || {
+        mistakes.expect("a point", &parts, || overview(&scene([place; 3])));
+        mistakes.expect("a point in a frame", &parts, || {
             Camera::framing(&scene([place; 3]), [0.0, 0.0, 1.0])
         });
     }
@@ -264,9 +265,9 @@ fn images_that_are_not_there() {
             json!([1, 0.5, 0, 1]);
         let path = folder.write("a.glb", file.glb());
         let mut scene = Scene::new();
-        let told = warnings(|| scene = Scene::load(path, &flex()).expect("a scene"));
-        let whole = told.len() == 1 && told[0].contains("without what can't be read");
-        assert!(whole && told[0].contains(part), "{told:?}");
+        let warned = warnings(|| scene = Scene::load(path, &flex()).expect("a scene"));
+        let whole = warned.len() == 1 && warned[0].contains("without what can't be read");
+        assert!(whole && warned[0].contains(part), "{warned:?}");
         let ColorTexture::Constant(color) = base(&scene.objects[0].materials[0]) else {
             panic!("a texture");
         };

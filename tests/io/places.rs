@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
-use crate::common::told::{ball, flex, lit, warnings};
+use crate::common::mistakes::{ball, flex, lit, warnings};
 use crate::gltf_maker::Gltf;
 use softray::prelude::*;
 
@@ -26,9 +26,9 @@ fn messages_say_who_names_a_missing_file() {
     let path = folder.write("a.obj", OBJ);
     let of_mtl = ["wood.png: No such file", "a.mtl, material wood"];
     says(load(&path), of_mtl);
-    let told = warnings(|| Scene::load(&path, &flex()).expect("a scene"));
-    assert_eq!(told.len(), 1);
-    says(&told[0], of_mtl);
+    let warned = warnings(|| Scene::load(&path, &flex()).expect("a scene"));
+    assert_eq!(warned.len(), 1);
+    says(&warned[0], of_mtl);
     let path = folder.write("b.glb", Gltf::textured("wood.png").glb());
     says(
         load(&path),
@@ -96,8 +96,8 @@ fn places_outside_are_refused_by_name() {
         whole.to_str().expect("text"),
     ] {
         folder.write("a.mtl", format!("newmtl wood\nmap_Kd {name}\n"));
-        let told = warnings(|| Scene::load(folder.path("a.obj"), &flex()).expect("a scene"));
-        assert_eq!(told, [""; 0], "{name}");
+        let warned = warnings(|| Scene::load(folder.path("a.obj"), &flex()).expect("a scene"));
+        assert_eq!(warned, [""; 0], "{name}");
     }
 }
 

@@ -4,7 +4,7 @@ use crate::common;
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
 use crate::common::materials::base;
-use crate::common::told::warnings;
+use crate::common::mistakes::warnings;
 use softray::prelude::*;
 
 fn load(name: &str, bytes: impl AsRef<[u8]>) -> softray::Result<Scene> {
@@ -199,8 +199,8 @@ fn vertex_colors() {
         ),
     ] {
         let mut scene = Scene::new();
-        let told = warnings(|| scene = load("colors", text(kind, rows)).expect("a scene"));
-        assert!(told.is_empty(), "{told:?}");
+        let warned = warnings(|| scene = load("colors", text(kind, rows)).expect("a scene"));
+        assert!(warned.is_empty(), "{warned:?}");
         let object = &scene.objects[0];
         let colors = object.mesh.colors.as_ref().expect("colors");
         for (c, e) in common::values(&colors.values).iter().zip(expected) {

@@ -2,8 +2,8 @@
 
 use std::process::Stdio;
 
+use crate::common::mistakes::{ball, camera, flex, lit, small, warnings};
 use crate::common::process::again;
-use crate::common::told::{ball, camera, flex, lit, small, warnings};
 use softray::prelude::*;
 
 /// What the process that is watched does.
@@ -60,12 +60,12 @@ fn warnings_are_printed_without_a_logger() {
 
 /// That a render has one warning with this part, or none for an empty part.
 fn expect(part: &str, (scene, camera, options): (&Scene, &Camera, &RenderOptions)) {
-    let told = warnings(|| render(scene, camera, options).expect("an image"));
+    let warned = warnings(|| render(scene, camera, options).expect("an image"));
     let is_right = match part {
-        "" => told.is_empty(),
-        part => told.len() == 1 && told[0].contains(part),
+        "" => warned.is_empty(),
+        part => warned.len() == 1 && warned[0].contains(part),
     };
-    assert!(is_right, "{part}: {told:?}");
+    assert!(is_right, "{part}: {warned:?}");
 }
 
 #[test]
@@ -119,8 +119,11 @@ fn lights_that_face_away() {
     let above = Camera::look_at([0.0, 4.0, 4.0], [0.0, 2.0, 0.0]);
     expect("", (&scene(false), &below, &small()));
     expect("", (&scene(true), &above, &small()));
-    let told = warnings(|| render(&scene(true), &below, &small()).expect("an image"));
-    assert!(told[0].contains("the light lamp faces away"), "{told:?}");
+    let warned = warnings(|| render(&scene(true), &below, &small()).expect("an image"));
+    assert!(
+        warned[0].contains("the light lamp faces away"),
+        "{warned:?}"
+    );
 
     let spot = |direction: [f64; 3]| {
         let light = Light::spot([0.0, 2.0, 0.0], direction, [5.0; 3], 10.0, 20.0);
@@ -156,8 +159,8 @@ fn glass_that_is_open_or_lacks_bounces() {
 #[test]
 fn angles_in_radians() {
     let expect_one = |part: &str, f: &dyn Fn()| {
-        let told = warnings(f);
-        assert!(told.len() == 1 && told[0].contains(part), "{told:?}");
+        let warned = warnings(f);
+        assert!(warned.len() == 1 && warned[0].contains(part), "{warned:?}");
     };
     let radians = |degrees: f64| degrees.to_radians();
     expect_one("which is 90° in radians", &|| {
@@ -187,9 +190,9 @@ fn black_files() {
     let scene = Scene::new().with_object(walls).with_object(lamp);
     let options = small().with_engine(Engine::Tensors);
     let image = render(&scene, &camera(), &options).expect("an image");
-    let told = warnings(|| image.write(folder.path("a.png")).expect("a file"));
+    let warned = warnings(|| image.write(folder.path("a.png")).expect("a file"));
     assert!(
-        told.len() == 1 && told[0].ends_with("a.png: the image is black"),
-        "{told:?}"
+        warned.len() == 1 && warned[0].ends_with("a.png: the image is black"),
+        "{warned:?}"
     );
 }

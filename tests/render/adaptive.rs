@@ -172,7 +172,7 @@ fn passes_and_clamps_have_no_gradients() {
             "2.5",
         ),
     ] {
-        let told = message(render(&room, &camera, &options));
-        says(told, [field, value, "tracked", "gradients"]);
+        let error = message(render(&room, &camera, &options));
+        says(error, [field, value, "tracked", "gradients"]);
     }
 }

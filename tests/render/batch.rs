@@ -1,10 +1,10 @@
 //! Batches: what they return is what their views return one by one, with the same gradients.
 
 use crate::common::errors::{message, says};
+use crate::common::mistakes;
 use crate::common::numbers::{apart, norm};
 use crate::common::scenes::{facing_down, floor, on_axis, under_sky};
 use crate::common::tensors::{gradient, tensor, values};
-use crate::common::told;
 use burn::tensor::{DType, Device, Tensor};
 use softray::prelude::*;
 
@@ -325,70 +325,70 @@ fn what_is_wrong_is_named() {
 }
 
 #[test]
-fn mistakes_are_told() {
-    let mut all = told::Told::default();
-    let scenes = || vec![told::lit(told::ball()); 2];
-    let batch = || Batch::new(scenes(), vec![told::camera()]);
-    all.expect("cameras and scenes", &["3", "2 scenes"], || {
-        Batch::new(scenes(), vec![told::camera(); 3])
+fn mistakes_are_errors() {
+    let mut errors = mistakes::Mistakes::default();
+    let scenes = || vec![mistakes::lit(mistakes::ball()); 2];
+    let batch = || Batch::new(scenes(), vec![mistakes::camera()]);
+    errors.expect("cameras and scenes", &["3", "2 scenes"], || {
+        Batch::new(scenes(), vec![mistakes::camera(); 3])
     });
-    all.expect("no scenes", &["batch", "empty", "scene", "camera"], || {
-        Batch::new(Vec::new(), vec![told::camera()])
+    errors.expect("no scenes", &["batch", "empty", "scene", "camera"], || {
+        Batch::new(Vec::new(), vec![mistakes::camera()])
     });
-    all.expect("no cameras", &["batch", "empty", "camera"], || {
+    errors.expect("no cameras", &["batch", "empty", "camera"], || {
         Batch::product(scenes(), &[])
     });
-    all.expect(
+    errors.expect(
         "a scene that is not there",
         &["scene", "2", "under 2"],
-        || Batch::views(scenes(), vec![(2, told::camera())]),
+        || Batch::views(scenes(), vec![(2, mistakes::camera())]),
     );
-    let vertices = |shape: [usize; 3]| Tensor::<3>::ones(shape, &told::flex());
-    all.expect(
+    let vertices = |shape: [usize; 3]| Tensor::<3>::ones(shape, &mistakes::flex());
+    errors.expect(
         "vertices of no object",
         &["scene 0", "\"bal\"", "\"ball\""],
         || batch()?.with_vertices("bal", vertices([2, 12, 3])),
     );
-    all.expect(
+    errors.expect(
         "too few vertices",
         &["ball", "[2, 5, 3]", "[2, 12, 3]"],
         || {
             render_batch(
                 &batch()?.with_vertices("ball", vertices([2, 5, 3]))?,
-                &told::small(),
+                &mistakes::small(),
             )
         },
     );
-    all.expect(
+    errors.expect(
         "too many vertices",
         &["ball", "[2, 50, 3]", "[2, 12, 3]"],
         || {
             render_batch(
                 &batch()?.with_vertices("ball", vertices([2, 50, 3]))?,
-                &told::small(),
+                &mistakes::small(),
             )
         },
     );
-    all.expect(
+    errors.expect(
         "vertices of a scene too few",
         &["ball", "[1, 12, 3]", "[2, 12, 3]"],
         || batch()?.with_vertices("ball", vertices([1, 12, 3])),
     );
-    all.expect("a scene of a batch", &["scene 1", "ball", "NaN"], || {
-        let bad = told::ball().with_velocity([f64::NAN, 0.0, 0.0]);
+    errors.expect("a scene of a batch", &["scene 1", "ball", "NaN"], || {
+        let bad = mistakes::ball().with_velocity([f64::NAN, 0.0, 0.0]);
         render_batch(
             &Batch::new(
-                vec![told::lit(told::ball()), told::lit(bad)],
-                vec![told::camera()],
+                vec![mistakes::lit(mistakes::ball()), mistakes::lit(bad)],
+                vec![mistakes::camera()],
             )?,
-            &told::small(),
+            &mistakes::small(),
         )
     });
-    all.expect("a view of a batch", &["view 1", "fov_y"], || {
-        let views = vec![told::camera(), told::camera().with_fov_y(200.0)];
+    errors.expect("a view of a batch", &["view 1", "fov_y"], || {
+        let views = vec![mistakes::camera(), mistakes::camera().with_fov_y(200.0)];
         render_batch(
-            &Batch::new(vec![told::lit(told::ball())], views)?,
-            &told::small(),
+            &Batch::new(vec![mistakes::lit(mistakes::ball())], views)?,
+            &mistakes::small(),
         )
     });
 }

@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use crate::common;
-use crate::common::told::{ball, camera, flex, lit, row, small};
+use crate::common::mistakes::{ball, camera, flex, lit, row, small};
 use burn::tensor::Tensor;
 use softray::prelude::*;
 
@@ -36,7 +36,7 @@ fn scenes_are_read_object_by_object() {
          environment: [0.1, 0.1, 0.1],\n}}"
     );
     assert_eq!(format!("{scene:#?}"), lines);
-    let many = (0..40).fold(Scene::new(), |s, _| s.with_object(common::told::ball()));
+    let many = (0..40).fold(Scene::new(), |s, _| s.with_object(common::mistakes::ball()));
     let shown = format!("{many:?}");
     assert!(
         shown.contains("and 8 more objects]") && shown.len() < 5000,

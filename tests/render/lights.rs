@@ -232,7 +232,7 @@ fn an_emissive_texture_lights_as_its_pieces_do() {
 }
 
 #[test]
-fn mistakes_are_told() {
+fn mistakes_are_errors() {
     let device = Device::flex();
     let cases = [
         (

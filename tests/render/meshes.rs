@@ -149,7 +149,7 @@ fn gradients_of_moves_turns_and_scales() {
 }
 
 #[test]
-fn what_cannot_move_a_mesh_is_told() {
+fn what_cannot_move_a_mesh_is_an_error() {
     let device = Device::flex();
     let ball = || shapes::icosahedron(&device);
     let two = || Tensor::<1>::from_floats([1.0, 2.0], &device);

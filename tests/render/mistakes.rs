@@ -3,7 +3,7 @@
 
 mod ranges;
 
-use crate::common::told::{Told, ball, camera, flex, lit, row, see, small};
+use crate::common::mistakes::{Mistakes, ball, camera, flex, lit, row, see, small};
 use softray::Result;
 use softray::gradcheck::{Checked, GradCheck, gradcheck};
 use softray::prelude::*;
@@ -19,16 +19,16 @@ fn by(camera: Camera) -> Result<Image> {
 #[test]
 fn devices() {
     let named = |name| softray::device::named(Some(name));
-    let mut told = Told::default();
-    told.expect("device gpu", &["\"gpu\"", "flex", "wgpu"], || named("gpu"));
-    told.expect("device tpu", &["\"tpu\"", "wgpu"], || named("tpu"));
+    let mut mistakes = Mistakes::default();
+    mistakes.expect("device gpu", &["\"gpu\"", "flex", "wgpu"], || named("gpu"));
+    mistakes.expect("device tpu", &["\"tpu\"", "wgpu"], || named("tpu"));
     #[cfg(not(feature = "cuda"))]
-    told.expect("device cuda, not built in", &["--features cuda"], || {
+    mistakes.expect("device cuda, not built in", &["--features cuda"], || {
         named("cuda:1")
     });
-    told.expect("device cpu", &["\"cpu\"", "flex"], || named("cpu"));
+    mistakes.expect("device cpu", &["\"cpu\"", "flex"], || named("cpu"));
     #[cfg(not(feature = "wgpu"))]
-    told.expect("device wgpu, not built in", &["--features wgpu"], || {
+    mistakes.expect("device wgpu, not built in", &["--features wgpu"], || {
         named("wgpu")
     });
 }
@@ -36,10 +36,10 @@ fn devices() {
 #[cfg(feature = "ndarray")]
 #[test]
 fn devices_that_differ() {
-    let mut told = Told::default();
+    let mut mistakes = Mistakes::default();
     #[allow(deprecated)] // burn deprecates ndarray
     let there = Device::ndarray();
-    told.expect(
+    mistakes.expect(
         "objects on two devices",
         &["moon", "vertices", "ndarray", "flex", "to_device"],
         || {
@@ -47,7 +47,7 @@ fn devices_that_differ() {
             render(&lit(ball()).with_object(moon), &camera(), &small())
         },
     );
-    told.expect(
+    mistakes.expect(
         "albedo on another device, in a graph",
         &["ball", "diffuse", "ndarray", "flex", "to_device"],
         || {
@@ -55,12 +55,12 @@ fn devices_that_differ() {
             see(ball().with_material(Material::diffuse(albedo)))
         },
     );
-    told.expect(
+    mistakes.expect(
         "camera on another device",
         &["camera", "eye", "ndarray"],
         || by(Camera::look_at(Tensor::<1>::ones([3], &there), [0.0; 3])),
     );
-    told.expect(
+    mistakes.expect(
         "environment on another device",
         &["environment", "ndarray"],
         || {
@@ -76,8 +76,8 @@ fn devices_that_differ() {
 #[test]
 fn float_types_that_differ() {
     use burn::tensor::DType;
-    let mut told = Told::default();
-    told.expect(
+    let mut mistakes = Mistakes::default();
+    mistakes.expect(
         "an f64 albedo",
         &["ball", "diffuse", "F64", "F32", "cast"],
         || {
@@ -90,31 +90,31 @@ fn float_types_that_differ() {
 #[test]
 #[expect(clippy::too_many_lines, reason = "a list of mistakes")]
 fn scenes() {
-    let mut told = Told::default();
-    told.expect("no objects", &["no objects", "Scene::with_object"], || {
+    let mut mistakes = Mistakes::default();
+    mistakes.expect("no objects", &["no objects", "Scene::with_object"], || {
         render(
             &Scene::new().with_environment([1.0; 3]),
             &camera(),
             &small(),
         )
     });
-    told.expect("no faces", &["scene", "no faces"], || {
+    mistakes.expect("no faces", &["scene", "no faces"], || {
         let points = Mesh::new(shapes::cube(&flex()).vertices, Vec::new());
         see(Object::new(points).with_name("cloud"))
     });
     let mesh = |vertices: Tensor<2>| Mesh::new(vertices, vec![[0, 1, 2]]);
-    told.expect("vertices [3, 2]", &["object", "[3, 2]", "[_, 3]"], || {
+    mistakes.expect("vertices [3, 2]", &["object", "[3, 2]", "[_, 3]"], || {
         see(Object::new(mesh(Tensor::zeros([3, 2], &flex()))))
     });
-    told.expect(
+    mistakes.expect(
         "too few vertices",
         &["face 0", "[0, 1, 2]", "under 2"],
         || see(Object::new(mesh(Tensor::zeros([2, 3], &flex())))),
     );
-    told.expect("a vertex is NaN", &["vertices 0", "NaN", "finite"], || {
+    mistakes.expect("a vertex is NaN", &["vertices 0", "NaN", "finite"], || {
         see(Object::new(mesh(Tensor::full([3, 3], f32::NAN, &flex()))))
     });
-    told.expect("faces from 1", &["face 0", "[1, 2, 3]", "under 3"], || {
+    mistakes.expect("faces from 1", &["face 0", "[1, 2, 3]", "under 3"], || {
         let faces = vec![[1, 2, 3]];
         see(Object::new(Mesh::new(Tensor::ones([3, 3], &flex()), faces)))
     });
@@ -123,21 +123,21 @@ fn scenes() {
             Tensor::ones([2, 2, 3], &flex()) * 0.5,
         ))
     };
-    told.expect(
+    mistakes.expect(
         "a texture without coordinates",
         &["ball", "diffuse", "texture", "with_uvs"],
         || see(ball().with_material(texture())),
     );
-    told.expect("too few coordinates", &["ball", "uvs", "under 5"], || {
+    mistakes.expect("too few coordinates", &["ball", "uvs", "under 5"], || {
         let uvs = Tensor::zeros([5, 2], &flex());
         see(ball()
             .map_mesh(|m| m.with_uvs(uvs))
             .with_material(texture()))
     });
-    told.expect("normals [12, 2]", &["normals", "[12, 2]", "[_, 3]"], || {
+    mistakes.expect("normals [12, 2]", &["normals", "[12, 2]", "[_, 3]"], || {
         see(ball().map_mesh(|m| m.with_normals(Tensor::ones([12, 2], &flex()))))
     });
-    told.expect(
+    mistakes.expect(
         "an RGBA texture",
         &["diffuse", "[2, 2, 4]", "[H, W, 3]"],
         || {
@@ -145,29 +145,29 @@ fn scenes() {
             see(ball().with_material(Material::diffuse(ColorTexture::texture(rgba))))
         },
     );
-    told.expect("an RGBA color", &["diffuse", "[4]", "[3]"], || {
+    mistakes.expect("an RGBA color", &["diffuse", "[4]", "[3]"], || {
         see(ball().with_material(Material::diffuse(row([0.5; 4]))))
     });
-    told.expect(
+    mistakes.expect(
         "bytes for an albedo",
         &["diffuse is", "200", "at most 1"],
         || see(ball().with_material(Material::diffuse([200.0, 100.0, 50.0]))),
     );
-    told.expect("a negative albedo", &["diffuse", "-0.5", "≥ 0"], || {
+    mistakes.expect("a negative albedo", &["diffuse", "-0.5", "≥ 0"], || {
         see(ball().with_material(Material::diffuse([-0.5, 0.5, 0.5])))
     });
-    told.expect("a negative exponent", &["shininess", "-1", "≥ 0"], || {
+    mistakes.expect("a negative exponent", &["shininess", "-1", "≥ 0"], || {
         see(ball().with_material(Material::phong([0.1; 3], [0.5; 3], -1.0)))
     });
-    told.expect("emission NaN", &["emission", "NaN", "finite"], || {
+    mistakes.expect("emission NaN", &["emission", "NaN", "finite"], || {
         see(ball().with_material(Material::emitter([f64::NAN, 1.0, 1.0])))
     });
-    told.expect(
+    mistakes.expect(
         "a velocity of two numbers",
         &["velocity", "[2]", "[3]"],
         || see(ball().with_velocity(row([1.0, 2.0]))),
     );
-    told.expect(
+    mistakes.expect(
         "materials of faces",
         &["face_materials", "3", "20 faces"],
         || {
@@ -176,7 +176,7 @@ fn scenes() {
             see(object)
         },
     );
-    told.expect(
+    mistakes.expect(
         "a material that is not there",
         &["face 0", "7", "1"],
         || {
@@ -185,7 +185,7 @@ fn scenes() {
             see(object)
         },
     );
-    told.expect(
+    mistakes.expect(
         "an environment [H, W, 4]",
         &["environment", "[2, 4, 4]"],
         || {
@@ -198,8 +198,8 @@ fn scenes() {
 #[test]
 #[expect(clippy::too_many_lines, reason = "a list of mistakes")]
 fn names_and_transforms() {
-    let mut told = Told::default();
-    told.expect(
+    let mut mistakes = Mistakes::default();
+    mistakes.expect(
         "map_object of a wrong name",
         &["map_object", "\"bal\"", "\"ball\""],
         || {
@@ -207,7 +207,7 @@ fn names_and_transforms() {
             render(&scene, &camera(), &small())
         },
     );
-    told.expect(
+    mistakes.expect(
         "map_object of no object",
         &["map_object", "none to choose from"],
         || {
@@ -215,7 +215,7 @@ fn names_and_transforms() {
             render(&scene.with_environment([1.0; 3]), &camera(), &small())
         },
     );
-    told.expect(
+    mistakes.expect(
         "a parameter of gradcheck",
         &["\"ofset\"", "\"offset\""],
         || {
@@ -225,7 +225,7 @@ fn names_and_transforms() {
             })
         },
     );
-    told.expect(
+    mistakes.expect(
         "gradcheck of two of one name",
         &["two parameters", "\"offset\""],
         || {
@@ -236,7 +236,7 @@ fn names_and_transforms() {
             })
         },
     );
-    told.expect(
+    mistakes.expect(
         "gradcheck of no parameters",
         &["parameters", "empty"],
         || {
@@ -244,7 +244,7 @@ fn names_and_transforms() {
             gradcheck(&[], &settings, |_| Ok((lit(ball()), camera())))
         },
     );
-    told.expect(
+    mistakes.expect(
         "gradcheck of nothing",
         &["only", "\"ofset\"", "\"offset\""],
         || {
@@ -258,106 +258,106 @@ fn names_and_transforms() {
             })
         },
     );
-    told.expect(
+    mistakes.expect(
         "translated by [2]",
         &["ball", "translated", "[2]", "[3]"],
         || see(ball().map_mesh(|m| m.translated(row([1.0, 2.0])))),
     );
-    told.expect("scaled by [2]", &["ball", "scaled", "[2]", "[3]"], || {
+    mistakes.expect("scaled by [2]", &["ball", "scaled", "[2]", "[3]"], || {
         see(ball().map_mesh(|m| m.scaled(row([1.0, 2.0]))))
     });
     let transformed = |t: Transform| see(ball().map_mesh(|m| m.transformed(&t)));
-    told.expect(
+    mistakes.expect(
         "a transform's translation",
         &["translation", "[2]", "[3]"],
         || transformed(Transform::new().with_translation(row([1.0, 2.0]))),
     );
-    told.expect(
+    mistakes.expect(
         "a transform's scale",
         &["scale", "[2]", "[1] or [3]"],
         || transformed(Transform::new().with_scale(row([1.0, 2.0]))),
     );
-    told.expect(
+    mistakes.expect(
         "a quaternion of three",
         &["quaternion", "[3]", "[4]"],
         || transformed(Transform::new().with_quaternion(row([1.0, 0.0, 0.0]))),
     );
-    told.expect("six_d of four", &["six_d", "[4]", "[6]"], || {
+    mistakes.expect("six_d of four", &["six_d", "[4]", "[6]"], || {
         transformed(Transform::new().with_six_d(row([1.0, 0.0, 0.0, 0.0])))
     });
-    told.expect("an angle of two numbers", &["angle", "[2]", "[1]"], || {
+    mistakes.expect("an angle of two numbers", &["angle", "[2]", "[1]"], || {
         transformed(Transform::new().with_axis_angle([0.0, 1.0, 0.0], row([1.0, 0.0])))
     });
-    told.expect(
+    mistakes.expect(
         "an axis of 0",
         &["axis", "[0.0, 0.0, 0.0]", "direction"],
         || transformed(Transform::new().with_axis_angle([0.0; 3], row([1.0]))),
     );
-    told.expect("a quaternion of 0", &["ball", "NaN"], || {
+    mistakes.expect("a quaternion of 0", &["ball", "NaN"], || {
         transformed(Transform::new().with_quaternion(row([0.0; 4])))
     });
 }
 
 #[test]
 fn cameras() {
-    let mut told = Told::default();
-    told.expect("eye is target", &["target", "other than the eye"], || {
+    let mut mistakes = Mistakes::default();
+    mistakes.expect("eye is target", &["target", "other than the eye"], || {
         by(Camera::look_at([0.0; 3], [0.0; 3]))
     });
-    told.expect("up along the view", &["up", "along the view"], || {
+    mistakes.expect("up along the view", &["up", "along the view"], || {
         by(Camera::look_at([0.0, 4.0, 0.0], [0.0; 3]))
     });
-    told.expect("up is 0", &["up", "[0, 0, 0]", "along the view"], || {
+    mistakes.expect("up is 0", &["up", "[0, 0, 0]", "along the view"], || {
         by(camera().with_up([0.0; 3]))
     });
     for fov in [0.0, 180.0, -3.0, f64::NAN] {
-        told.expect("field of view", &["fov_y", "degrees in (0, 180)"], || {
+        mistakes.expect("field of view", &["fov_y", "degrees in (0, 180)"], || {
             by(camera().with_fov_y(fov))
         });
     }
-    told.expect("eye is NaN", &["eye", "NaN", "finite"], || {
+    mistakes.expect("eye is NaN", &["eye", "NaN", "finite"], || {
         by(Camera::look_at([f64::NAN, 0.0, 0.0], [0.0; 3]))
     });
-    told.expect("eye of two numbers", &["eye", "[2]", "[3]"], || {
+    mistakes.expect("eye of two numbers", &["eye", "[2]", "[3]"], || {
         by(Camera::look_at(row([0.0, 4.0]), [0.0; 3]))
     });
-    told.expect("a negative aperture", &["aperture", "-1", "≥ 0"], || {
+    mistakes.expect("a negative aperture", &["aperture", "-1", "≥ 0"], || {
         by(camera().with_thin_lens(-1.0, 4.0))
     });
-    told.expect("a focus at 0", &["focus distance", "0", "> 0"], || {
+    mistakes.expect("a focus at 0", &["focus distance", "0", "> 0"], || {
         by(camera().with_thin_lens(0.1, 0.0))
     });
 }
 
 #[test]
 fn options() {
-    let mut told = Told::default();
-    told.expect("no columns", &["width", "0", "at least 1"], || {
+    let mut mistakes = Mistakes::default();
+    mistakes.expect("no columns", &["width", "0", "at least 1"], || {
         with(RenderOptions::new(0, 4))
     });
-    told.expect("no samples", &["samples", "0", "at least 1"], || {
+    mistakes.expect("no samples", &["samples", "0", "at least 1"], || {
         with(small().with_samples(0))
     });
-    told.expect("negative blur", &["blur", "-0.1", "[0, 68)"], || {
+    mistakes.expect("negative blur", &["blur", "-0.1", "[0, 68)"], || {
         with(small().with_blur(-0.1))
     });
-    told.expect("a blur of 90", &["blur", "90", "degrees"], || {
+    mistakes.expect("a blur of 90", &["blur", "90", "degrees"], || {
         with(small().with_blur(90.0))
     });
-    told.expect("a wide cone", &["blur angle", "70", "degrees"], || {
+    mistakes.expect("a wide cone", &["blur angle", "70", "degrees"], || {
         with(small().with_visibility(Visibility::cone(70.0)))
     });
-    told.expect("blur of 0 for the softmax", &["sigma", "0", "> 0"], || {
+    mistakes.expect("blur of 0 for the softmax", &["sigma", "0", "> 0"], || {
         with(small().with_visibility(Visibility::softmax(0.0, 1e-3)))
     });
-    told.expect("blur, softmax", &["blur", "SoftmaxOptions::sigma"], || {
+    mistakes.expect("blur, softmax", &["blur", "SoftmaxOptions::sigma"], || {
         with(
             small()
                 .with_visibility(Visibility::softmax(1e-4, 1e-3))
                 .with_blur(5.73),
         )
     });
-    told.expect(
+    mistakes.expect(
         "kernels for the softmax",
         &["engine", "Kernels", "softmax"],
         || {
@@ -369,31 +369,31 @@ fn options() {
         },
     );
     for limit in [0.0, f64::INFINITY, f64::NAN] {
-        told.expect("a clamp of none", &["indirect_clamp", "above 0"], || {
+        mistakes.expect("a clamp of none", &["indirect_clamp", "above 0"], || {
             with(small().with_indirect_clamp(limit))
         });
     }
-    told.expect("a pass too many", &["pass", "4 of 4", "less than"], || {
+    mistakes.expect("a pass too many", &["pass", "4 of 4", "less than"], || {
         with(small().with_samples(8).with_pass(4, 4))
     });
-    told.expect("uneven passes", &["pass", "0 of 3", "divides"], || {
+    mistakes.expect("uneven passes", &["pass", "0 of 3", "divides"], || {
         with(small().with_samples(8).with_pass(0, 3))
     });
-    told.expect("adaptive passes", &["pass", "adaptive"], || {
+    mistakes.expect("adaptive passes", &["pass", "adaptive"], || {
         with(small().with_samples(64).with_adaptive().with_pass(0, 2))
     });
-    told.expect("too large", &["60000 × 60000", "memory_limit"], || {
+    mistakes.expect("too large", &["60000 × 60000", "memory_limit"], || {
         with(RenderOptions::new(60_000, 60_000))
     });
-    told.expect(
+    mistakes.expect(
         "a pixel that is not there",
         &["pixel", "16", "under 16"],
         || render_pixels(&lit(ball()), &camera(), &small(), &[3, 16]),
     );
-    told.expect("no pixels", &["pixels", "empty", "at least one"], || {
+    mistakes.expect("no pixels", &["pixels", "empty", "at least one"], || {
         render_pixels(&lit(ball()), &camera(), &small(), &[])
     });
-    told.expect("a cutoff of 1", &["cutoff", "1", "(0, 0.5)"], || {
+    mistakes.expect("a cutoff of 1", &["cutoff", "1", "(0, 0.5)"], || {
         with(small().with_visibility(SoftmaxOptions::new(1e-4, 1e-3).with_cutoff(1.0)))
     });
 }

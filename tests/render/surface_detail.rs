@@ -12,19 +12,19 @@ use softray::prelude::*;
 use softray::scene::CornerAttribute;
 
 /// A mesh as the reference takes it, with what it returns.
-struct Asked<'a> {
+struct ReferenceMesh<'a> {
     mesh: &'a Mesh,
     tables: [Vec<f64>; 3],
-    found: Vec<[[f32; 4]; 3]>,
+    tangents: Vec<[[f32; 4]; 3]>,
 }
 
-impl Asked<'_> {
+impl ReferenceMesh<'_> {
     fn row<const C: usize>(&self, table: usize, row: u32) -> [f32; C] {
         std::array::from_fn(|i| self.tables[table][C * row as usize + i] as f32)
     }
 }
 
-impl Geometry for Asked<'_> {
+impl Geometry for ReferenceMesh<'_> {
     fn num_faces(&self) -> usize {
         self.mesh.faces.len()
     }
@@ -48,7 +48,7 @@ impl Geometry for Asked<'_> {
     }
 
     fn set_tangent(&mut self, tangent: Option<TangentSpace>, face: usize, corner: usize) {
-        self.found[face][corner] = tangent.expect("a tangent").tangent_encoded();
+        self.tangents[face][corner] = tangent.expect("a tangent").tangent_encoded();
     }
 }
 
@@ -56,19 +56,19 @@ impl Geometry for Asked<'_> {
 fn tangents_are_those_of_mikktspace() {
     for mesh in [ball(), shapes::sphere(12, 6, &Device::flex())] {
         let table = |a: &Option<CornerAttribute>| values(&a.as_ref().expect("it").values);
-        let mut asked = Asked {
+        let mut reference = ReferenceMesh {
             mesh: &mesh,
             tables: [
                 values(&mesh.vertices),
                 table(&mesh.normals),
                 table(&mesh.uvs),
             ],
-            found: vec![[[0.0; 4]; 3]; mesh.faces.len()],
+            tangents: vec![[[0.0; 4]; 3]; mesh.faces.len()],
         };
-        generate_tangents(&mut asked).expect("tangents");
+        generate_tangents(&mut reference).expect("tangents");
         let own = mesh.clone().mikktspace_tangents().tangents.expect("it");
         let rows = values(&own.values);
-        for (f, (spaces, wanted)) in own.faces.iter().zip(&asked.found).enumerate() {
+        for (f, (spaces, wanted)) in own.faces.iter().zip(&reference.tangents).enumerate() {
             for (&space, wanted) in spaces.iter().zip(wanted) {
                 let found = &rows[4 * space as usize..][..4];
                 let apart = found.iter().zip(wanted);
@@ -287,7 +287,7 @@ fn engines_agree_on_all_of_it() {
 }
 
 #[test]
-fn mistakes_are_told() {
+fn mistakes_are_errors() {
     let see = |object: Object| {
         message(render(
             &lit(object).0,

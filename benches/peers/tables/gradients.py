@@ -81,7 +81,7 @@ def measure(programs, a):
 
 
 #: Of fewer estimates the deviation is not their own.
-FEW = 9
+MIN_ESTIMATES = 9
 
 
 def pooled(result):
@@ -93,7 +93,7 @@ def pooled(result):
         square = sum((s["estimates"] - 1) * s["samples"] * s["noise"] ** 2 for s in series)
         square /= sum(s["estimates"] - 1 for s in series)
         for s in series:
-            if s["estimates"] < FEW:
+            if s["estimates"] < MIN_ESTIMATES:
                 s["noise"] = (square / s["samples"]) ** 0.5
         weights = [s["estimates"] / max(s["noise"], 1e-9) ** 2 for s in series]
         bias = sum(w * s["bias"] for w, s in zip(weights, series)) / sum(weights)
@@ -163,7 +163,7 @@ def report(result, folder):
     text += "include the error of the truth itself:\n\n"
     text += common.table(head, rows("scalar", bias))
     text += "\nNoise × √seconds: the standard deviation of the mean of one second of estimates, divided by the truth. The brackets show "
-    text += f"the range over three runs, which are thirds of the seeds. With fewer than {FEW} estimates, the noise is extrapolated from "
+    text += f"the range over three runs, which are thirds of the seeds. With fewer than {MIN_ESTIMATES} estimates, the noise is extrapolated from "
     text += "all of the renderer's series, which have different numbers of samples:\n\n"
     text += common.table(head, rows("scalar", noise))
     text += "\nError (RMSE) after one second, of the mean of as many estimates as fit. The error of the truth is the lower limit of the "

@@ -7,7 +7,9 @@ use super::buffers::Target;
 use super::fields::{Fields, Range::NotNegative, Range::Unit};
 use super::schema::AlphaMode;
 use crate::error::Result;
-use crate::io::description::{Alpha, Color, ImageSource, MaterialDescription, OwnBsdf, TextureUse};
+use crate::io::description::{
+    Alpha, Color, ExtraBsdf, ImageSource, MaterialDescription, TextureUse,
+};
 use crate::scene::Wrap;
 
 /// A material, and the coordinates of its textures.
@@ -149,9 +151,9 @@ fn extras(
     json: &Fields,
     textures: &mut Textures,
 ) -> Result<()> {
-    let own = json.json.pointer("/extras/softray");
+    let extras = json.json.pointer("/extras/softray");
     let json = Fields {
-        json: own.unwrap_or(&Value::Null),
+        json: extras.unwrap_or(&Value::Null),
         place: json.at("extras.softray"),
         ..*json
     };
@@ -159,12 +161,12 @@ fn extras(
     if !json.value("phong")?.is_null() {
         let albedo = json.three("phong.specularFactor", [0.0; 3], Unit)?;
         let texture = textures.of(&json, "phong.specularTexture")?;
-        description.own = Some(OwnBsdf::Phong {
+        description.extra_bsdf = Some(ExtraBsdf::Phong {
             albedo: Color::times(albedo, texture),
             shininess: json.number("phong.shininess", 1.0, NotNegative)?,
         });
     } else if !json.value("conductor")?.is_null() {
-        description.own = Some(OwnBsdf::Conductor {
+        description.extra_bsdf = Some(ExtraBsdf::Conductor {
             eta: json.three("conductor.eta", [0.0; 3], NotNegative)?,
             extinction: json.three("conductor.extinction", [1.0; 3], NotNegative)?,
         });

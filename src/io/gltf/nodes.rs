@@ -26,7 +26,7 @@ pub(super) fn walk(document: &Document) -> Result<Description> {
         materials: &materials,
         meshes: HashMap::new(),
         triangles: 0,
-        found: Description {
+        description: Description {
             images: images(document)?,
             memory: Memory {
                 read: document.bytes,
@@ -60,15 +60,15 @@ pub(super) fn walk(document: &Document) -> Result<Description> {
         }
         next[first..].reverse();
     }
-    let mut found = walk.found;
-    found.materials = materials.into_iter().map(|m| m.description).collect();
-    if found.objects.is_empty() {
+    let mut description = walk.description;
+    description.materials = materials.into_iter().map(|m| m.description).collect();
+    if description.objects.is_empty() {
         return Err(Error::NoTriangles {
             path: Some(document.path.into()),
             objects: 0,
         });
     }
-    Ok(found)
+    Ok(description)
 }
 
 /// Returns the nodes of the scene, or, without scenes, all nodes without a parent. Each has its place in the file.
@@ -138,7 +138,7 @@ struct Walk<'a> {
     meshes: HashMap<usize, usize>,
     /// The number of triangles of all instances so far.
     triangles: u64,
-    found: Description,
+    description: Description,
 }
 
 impl Walk<'_> {
@@ -162,7 +162,7 @@ impl Walk<'_> {
             let json = document.fields(&root.cameras, index, &place, "cameras")?;
             let name = name(json.get("name")?, "camera");
             let (camera, aspect) = self.camera(&json, to_world, &place)?;
-            self.found.cameras.push((name, camera, aspect));
+            self.description.cameras.push((name, camera, aspect));
         }
         let extensions = Fields {
             document,
@@ -176,9 +176,9 @@ impl Walk<'_> {
             let lights = lights.and_then(|l| l["lights"].as_array());
             let lights = lights.map_or(&[][..], Vec::as_slice);
             let json = document.fields(lights, index, &place, "lights")?;
-            let taken = self.found.memory.take(1, LIGHT, document.limits);
+            let taken = self.description.memory.take(1, LIGHT, document.limits);
             taken.map_err(|message| document.fail(&place, message))?;
-            self.found.lights.push(self.light(&json, to_world)?);
+            self.description.lights.push(self.light(&json, to_world)?);
         }
         Ok(())
     }
@@ -192,22 +192,22 @@ impl Walk<'_> {
             "makes more than {most} triangles: LoadLimits::with_triangles raises the limit"
         );
         document.unless(self.triangles <= most, place, message)?;
-        let memory = &mut self.found.memory;
+        let memory = &mut self.description.memory;
         let taken = memory.take(more, TRIANGLE, document.limits);
         let taken = taken.and_then(|()| memory.take(1, OBJECT, document.limits));
         taken.map_err(|message| document.fail(place, message))?;
         let known = match self.meshes.get(&index) {
             Some(&known) => known,
             None => {
-                let next = self.found.meshes.len();
+                let next = self.description.meshes.len();
                 let mesh = mesh(document, index, self.materials)?;
-                self.found.meshes.push(mesh);
+                self.description.meshes.push(mesh);
                 self.meshes.insert(index, next);
                 next
             }
         };
-        if !self.found.meshes[known].faces.is_empty() {
-            self.found.objects.push(ObjectDescription {
+        if !self.description.meshes[known].faces.is_empty() {
+            self.description.objects.push(ObjectDescription {
                 name,
                 mesh: known,
                 to_world: to,

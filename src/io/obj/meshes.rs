@@ -12,7 +12,7 @@ impl Reader<'_> {
     /// Returns the meshes of the objects. Their materials are indices of the names in `usemtl` statements.
     pub fn meshes(&self, all: &tobj::Mesh) -> Result<Vec<MeshDescription>> {
         let mut meshes: Vec<MeshDescription> = Vec::new();
-        meshes.resize_with(self.objects.all.len(), MeshDescription::default);
+        meshes.resize_with(self.objects.names.len(), MeshDescription::default);
         let mut polygons = Polygons::new(self.limits);
         let mut first = 0;
         for (i, face) in self.faces.iter().enumerate() {
@@ -37,7 +37,7 @@ impl Reader<'_> {
         }
         let rows = [&all.positions, &all.texcoords, &all.normals].map(|rows| rows.len());
         let most = rows.into_iter().max().unwrap_or(0);
-        let mut numbers = Numbers(vec![u32::MAX; most.max(self.materials.all.len())]);
+        let mut numbers = Numbers(vec![u32::MAX; most.max(self.materials.names.len())]);
         let colors = colors(&all.vertex_color);
         for mesh in &mut meshes {
             let vertices = numbers.renumber(mesh.faces.as_flattened_mut());

@@ -65,7 +65,7 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
     for mesh in &mut meshes {
         let textured = mesh.uvs.faces.len() == mesh.faces.len();
         for material in mesh.materials.iter_mut().flatten() {
-            *material = library.describe(&materials.all[*material], textured, plain)?;
+            *material = library.describe(&materials.names[*material], textured, plain)?;
         }
     }
     memory.read += library.bytes;
@@ -75,7 +75,7 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
         to_world: DAffine3::IDENTITY,
     };
     Ok(Description {
-        objects: objects.all.into_iter().enumerate().map(object).collect(),
+        objects: objects.names.into_iter().enumerate().map(object).collect(),
         meshes,
         materials: library.described,
         images: library.images,
@@ -88,7 +88,7 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
 /// Names without duplicates.
 #[derive(Default)]
 struct Names {
-    all: Vec<String>,
+    names: Vec<String>,
     numbers: HashMap<String, u32>,
 }
 
@@ -97,8 +97,8 @@ impl Names {
         if let Some(&number) = self.numbers.get(name) {
             return number;
         }
-        let next = self.all.len() as u32;
-        self.all.push(name.into());
+        let next = self.names.len() as u32;
+        self.names.push(name.into());
         self.numbers.insert(name.into(), next);
         next
     }

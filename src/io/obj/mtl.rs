@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use crate::error::{Error, Result};
-use crate::io::description::{Color, ImageSource, MaterialDescription, OwnBsdf, TextureUse};
+use crate::io::description::{Color, ExtraBsdf, ImageSource, MaterialDescription, TextureUse};
 use crate::io::limits::{LoadLimits, read_text};
 use crate::io::notes::Notes;
 use crate::scene::Wrap;
@@ -156,7 +156,7 @@ impl<'a> Library<'a> {
                 plain: kd.unwrap_or(plain),
                 texture: map_kd?.map(|texture| (texture, [1.0; 3])),
             },
-            own: Some(OwnBsdf::Phong {
+            extra_bsdf: Some(ExtraBsdf::Phong {
                 albedo: if shines { gloss } else { times(None, None) },
                 shininess: material.shininess.filter(|&n| n > 0.0).unwrap_or(1.0),
             }),

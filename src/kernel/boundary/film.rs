@@ -31,7 +31,7 @@ struct FilmSamples<'a> {
 /// Points of edges on the film, the derivatives of the loss with respect to the pixels that see them, and the paths and
 /// rays that reach them.
 #[derive(Default)]
-struct Asked<'a> {
+struct FilmPoints<'a> {
     points: Vec<(FilmPoint, &'a Seen)>,
     approaches: Vec<Approach>,
     paths: Vec<Path>,
@@ -63,27 +63,31 @@ impl FilmSamples<'_> {
 
 /// Draws points of edges for a range of samples.
 #[apply(stage!)]
-fn draw<'a>(view: &'a Tracer<'a>, film: &'a FilmSamples<'a>, samples: Range<u32>) -> Asked<'a> {
-    let mut asked = Asked::default();
+fn draw<'a>(
+    view: &'a Tracer<'a>,
+    film: &'a FilmSamples<'a>,
+    samples: Range<u32>,
+) -> FilmPoints<'a> {
+    let mut drawn = FilmPoints::default();
     for sample in samples {
         let numbers = sampler(&view.lists, ON_FILM).of_one_pixel();
         let numbers = numbers.stream(0, sample);
         let at = exposure(&view.lists, &numbers);
         if let Some((mut point, g)) = film.sample(view, sample, &numbers, &at) {
             let approach = point.approach(&view.lists, &view.camera, at.time);
-            asked.points.push((point, g));
-            asked.approaches.push(approach);
-            asked.paths.push(Path {
+            drawn.points.push((point, g));
+            drawn.approaches.push(approach);
+            drawn.paths.push(Path {
                 time: at.time,
-                cones: asked.cones.len() as u32,
+                cones: drawn.cones.len() as u32,
                 numbers,
             });
             if view.features.cones {
-                asked.cones.push(view.cones.stream(NO_PIXEL, sample));
+                drawn.cones.push(view.cones.stream(NO_PIXEL, sample));
             }
         }
     }
-    asked
+    drawn
 }
 
 /// Adds the derivatives from jumps at points of edges on the film. Returns the sum of the squared derivatives with
@@ -91,12 +95,12 @@ fn draw<'a>(view: &'a Tracer<'a>, film: &'a FilmSamples<'a>, samples: Range<u32>
 #[apply(stage!)]
 fn backward<'a>(
     view: &'a Tracer<'a>,
-    asked: &'a Asked<'a>,
+    drawn: &'a FilmPoints<'a>,
     work: &'a Work,
     sums: &'a Sums<'a>,
 ) -> f64 {
     let mut squares = 0.0;
-    let points = asked.points.iter().zip(&asked.paths);
+    let points = drawn.points.iter().zip(&drawn.paths);
     for (((point, g), path), light) in points.zip(&work.side_lights) {
         if let Some(light) = light {
             let jump = g.jump(light);
@@ -129,10 +133,10 @@ impl View {
         };
         for from in range.clone().step_by(TOGETHER) {
             let past = range.end.min(from.saturating_add(TOGETHER as u32));
-            let asked = draw(&tracer, &film, from..past);
-            let paths = (&*asked.paths, &*asked.cones);
-            let rays = light_beside(&tracer, &asked.approaches, paths, Some(0), true, work);
-            let squares = backward(&tracer, &asked, work, &sums);
+            let drawn = draw(&tracer, &film, from..past);
+            let paths = (&*drawn.paths, &*drawn.cones);
+            let rays = light_beside(&tracer, &drawn.approaches, paths, Some(0), true, work);
+            let squares = backward(&tracer, &drawn, work, &sums);
             work.yields.edges[FILM].add(squares, rays);
         }
     }

@@ -21,7 +21,7 @@ use crate::trace::{
 };
 
 /// A jump at an edge that the point of a lane sees.
-struct Found {
+struct EdgeJump {
     lane: usize,
     observer: Observer,
     search: Search,
@@ -29,7 +29,7 @@ struct Found {
     jump: Jump,
 }
 
-impl Found {
+impl EdgeJump {
     fn approach(&self) -> Approach {
         self.view.approach(self.jump.sides)
     }
@@ -62,18 +62,18 @@ impl Return<'_> {
     ) {
         let [reflections, shadows] = find_jumps(self, level, bounce, back, work);
         work.rays.clear();
-        for found in &shadows {
-            let time = self.path(level, found.lane).time;
-            let ray = found.approach().ray(time, found.jump.limit);
+        for shadow in &shadows {
+            let time = self.path(level, shadow.lane).time;
+            let ray = shadow.approach().ray(time, shadow.jump.limit);
             work.rays.push(ray);
         }
         find_beside::<true>(self, work);
         let squares = shadows_backward(self, &shadows, back, work);
         work.yields.edges[SHADOWS].add(squares, shadows.len() as f64);
-        let approaches: Vec<Approach> = reflections.iter().map(Found::approach).collect();
+        let approaches: Vec<Approach> = reflections.iter().map(EdgeJump::approach).collect();
         let sides = sampler(&self.lists, OF_SIDES);
-        let beside = |found: &Found| {
-            let path = self.path(level, found.lane);
+        let beside = |reflection: &EdgeJump| {
+            let path = self.path(level, reflection.lane);
             Path {
                 numbers: sides.stream(path.numbers.pixel, path.numbers.sample),
                 ..*path
@@ -96,8 +96,8 @@ fn find_jumps<'a>(
     bounce: u32,
     back: &'a Back,
     work: &'a mut Work,
-) -> [Vec<Found>; 2] {
-    let mut found = [Vec::new(), Vec::new()];
+) -> [Vec<EdgeJump>; 2] {
+    let mut jumps = [Vec::new(), Vec::new()];
     let mut numbers = [Eight::<Four>::default(); 2];
     for lane in 0..level.len() {
         let stream = |lane: usize| &back.edges[level.paths[lane] as usize];
@@ -148,13 +148,13 @@ fn find_jumps<'a>(
                     true => stream(lane).numbers(set(0)),
                     false => more,
                 };
-                let found = &mut found[usize::from(of_light)];
+                let jumps = &mut jumps[usize::from(of_light)];
                 let (o, numbers) = (observer(mean, count), [drawn, more]);
-                find_jump(to, (lane, time), o, of_light, numbers, work, found);
+                find_jump(to, (lane, time), o, of_light, numbers, work, jumps);
             }
         }
     }
-    found
+    jumps
 }
 
 /// Draws an edge for a point and adds the jumps at it.
@@ -166,7 +166,7 @@ fn find_jump(
     of_light: bool,
     numbers: [Four; 2],
     work: &mut Work,
-    found: &mut Vec<Found>,
+    jumps: &mut Vec<EdgeJump>,
 ) {
     let edge = seen_edge(to, time, &observer, of_light, numbers, work);
     let Some((search, view)) = edge else {
@@ -175,7 +175,7 @@ fn find_jump(
     for k in view.first..view.past {
         let jump = jump_at(&to.lists, &observer, &search, &view, k);
         if jump.limit > 0.0 {
-            found.push(Found {
+            jumps.push(EdgeJump {
                 lane,
                 observer,
                 search,
@@ -198,7 +198,7 @@ fn seen_edge(
 ) -> Option<(Search, EdgeView)> {
     let (lists, room) = (&to.lists, &mut work.room);
     let s = search(lists, drawn, more, o, of_light, time, room, to.sums);
-    if !s.asked {
+    if !s.is_made {
         return None;
     }
     let tree = to.edge_sets.as_ref()?.seen_by(s.moves);
@@ -232,7 +232,7 @@ fn draw<'a>(
 #[apply(stage!)]
 fn shadows_backward<'a>(
     to: &'a Return<'a>,
-    list: &'a [Found],
+    list: &'a [EdgeJump],
     back: &'a mut Back,
     work: &'a Work,
 ) -> f64 {
@@ -253,7 +253,7 @@ fn shadows_backward<'a>(
 #[apply(stage!)]
 fn reflections_backward<'a>(
     to: &'a Return<'a>,
-    list: &'a [Found],
+    list: &'a [EdgeJump],
     beside: &'a [Path],
     back: &'a mut Back,
     work: &'a Work,

@@ -149,16 +149,16 @@ impl Edges {
 /// The edges at which something can jump, and trees over them.
 pub(crate) struct EdgeSets {
     pub(super) edges: Edges,
-    all: EdgeTree,
+    tree: EdgeTree,
     moving: Moving,
 }
 
 /// Where the tree over the moving edges is stored.
 enum Moving {
     /// All edges move, so it is the tree over all.
-    All,
+    Whole,
     /// A tree of its own.
-    Own(EdgeTree),
+    Separate(EdgeTree),
     /// The part of the tree over all that begins at node 1.
     Part,
 }
@@ -191,7 +191,7 @@ impl EdgeSets {
         if let Some(sets) = kept.last.take().and_then(Arc::into_inner) {
             edges = sets.edges;
             edges.count = 0;
-            kept.divisions[0].room = sets.all.into_room();
+            kept.divisions[0].room = sets.tree.into_room();
         }
         for (i, (mesh, object)) in kept.meshes.iter_mut().zip(&host.objects).enumerate() {
             mesh.update(scene, i, object);
@@ -209,17 +209,21 @@ impl EdgeSets {
             scene,
         };
         let [first, second] = &mut kept.divisions;
-        let (all, moving) = if others.is_empty() {
-            (EdgeTree::new(&source, &moving, first), Moving::All)
+        let (tree, moving) = if others.is_empty() {
+            (EdgeTree::new(&source, &moving, first), Moving::Whole)
         } else if EdgeTree::is_list(&moving) {
-            let own = EdgeTree::new(&source, &moving, first);
+            let tree = EdgeTree::new(&source, &moving, first);
             let all: Vec<u32> = numbers.collect();
-            (EdgeTree::new(&source, &all, second), Moving::Own(own))
+            (EdgeTree::new(&source, &all, second), Moving::Separate(tree))
         } else {
             let parts = [(&*moving, first), (&*others, second)];
             (EdgeTree::joint(&source, parts), Moving::Part)
         };
-        let sets = Arc::new(Self { all, moving, edges });
+        let sets = Arc::new(Self {
+            tree,
+            moving,
+            edges,
+        });
         kept.last = Some(sets.clone());
         *lock() = kept;
         sets
@@ -250,9 +254,9 @@ impl EdgeSets {
     /// move.
     pub(crate) fn seen_by(&self, rays_move: bool) -> Root<'_> {
         match &self.moving {
-            Moving::Own(own) if !rays_move => own.root(0),
-            Moving::Part if !rays_move => self.all.root(1),
-            _ => self.all.root(0),
+            Moving::Separate(tree) if !rays_move => tree.root(0),
+            Moving::Part if !rays_move => self.tree.root(1),
+            _ => self.tree.root(0),
         }
     }
 }

@@ -12,7 +12,7 @@ use crate::accel::eights::{Divide, NONE, Shape, set};
 use crate::model::V3;
 
 /// Up to this many edges form a list, in which the weight of each is computed.
-const FEW: usize = 64;
+const MAX_LIST_EDGES: usize = 64;
 
 /// A tree over edges, or a list of few edges. A [`Root`] reads it.
 pub(super) struct EdgeTree {
@@ -143,7 +143,7 @@ impl EdgeTree {
 
     /// Returns whether the edges are so few that they form a list and not a tree.
     pub fn is_list(which: &[u32]) -> bool {
-        which.len() <= FEW
+        which.len() <= MAX_LIST_EDGES
     }
 
     /// Builds a tree over two parts of the edges, in which the tree over the first part alone begins at node 1. The

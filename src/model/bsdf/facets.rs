@@ -17,11 +17,11 @@ use crate::model::frame::{
 use crate::model::{V3, splat, v3};
 
 /// Minimum α: a lobe of a twentieth of a degree, which f32 still resolves.
-const LEAST_ALPHA: f32 = 1e-3;
+const MIN_ALPHA: f32 = 1e-3;
 /// Lower bound of squares that are divided by.
 const TINY: f32 = 1e-12;
 /// Lower bound of squared sines of caps, where the square root has a derivative.
-const LEAST_SQUARE: f32 = 1e-7;
+const MIN_SQUARED_SINE: f32 = 1e-7;
 
 /// Microfacets about a normal, and the direction that they are seen from.
 #[apply(record!)]
@@ -76,7 +76,7 @@ pub(super) fn slant(square: f32, cosine: f32) -> f32 {
 #[inline(always)]
 pub(super) fn alpha_of(roughness: f32) -> f32 {
     let roughness = roughness_of(roughness);
-    (roughness * roughness).max(LEAST_ALPHA)
+    (roughness * roughness).max(MIN_ALPHA)
 }
 
 #[cfg_attr(feature = "gpu", cube)]
@@ -113,7 +113,7 @@ impl Facets {
             by_normal += by.view * (2.0 * along) + incoming * (2.0 * through);
         }
         let by_roughness = select(
-            roughness > 0.0 && roughness <= 1.0 && roughness * roughness > LEAST_ALPHA,
+            roughness > 0.0 && roughness <= 1.0 && roughness * roughness > MIN_ALPHA,
             2.0 * roughness * by.alpha,
             0.0f32,
         );
@@ -238,7 +238,7 @@ impl Facets {
         let inverse = 1.0 / stretched.length();
         let stretched = stretched * inverse;
         let z = 1.0 - u - u * stretched.z;
-        let sine = (1.0 - z * z).max(LEAST_SQUARE).sqrt();
+        let sine = (1.0 - z * z).max(MIN_SQUARED_SINE).sqrt();
         let turn = sin_cos_of_turns(v);
         let sum = stretched + v3(sine * turn.cos, sine * turn.sin, z);
         let half = v3(self.alpha * sum.x, self.alpha * sum.y, sum.z.max(0.0));
@@ -271,7 +271,7 @@ impl Facets {
         let by_sum = v3(by_sum.x * self.alpha, by_sum.y * self.alpha, by_sum.z);
         let z = 1.0 - u - u * d.stretched.z;
         let mut by_z = by_sum.z;
-        if 1.0 - z * z > LEAST_SQUARE {
+        if 1.0 - z * z > MIN_SQUARED_SINE {
             by_z -= (by_sum.x * turn.cos + by_sum.y * turn.sin) * z / d.sine;
         }
         let by_unit = by_sum - v3(0.0, 0.0, by_z * u);

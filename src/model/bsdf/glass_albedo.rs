@@ -14,9 +14,9 @@ use crate::cube::*;
 use crate::model::{V2, V3, splat, v2, v3};
 
 /// Largest index of the fit; a larger index loses light.
-const MOST_INDEX: f32 = 2.6;
+const MAX_INDEX: f32 = 2.6;
 /// Lowest cosine of the fit for low contrasts.
-const LEAST_COSINE: f32 = 0.08;
+const MIN_COSINE: f32 = 0.08;
 /// Compensation near the horizon is reduced by cos/(cos + this).
 const FADE: f32 = 0.005;
 /// Indices between which the two fits for leaving light are blended, and the speed of the blend. It is slow, so that
@@ -233,8 +233,8 @@ pub(crate) fn given_back(cosine: f32, alpha: f32, eta: f32) -> Fit {
         index = 1.0 / eta;
         by_eta = -index * index;
     }
-    if index > MOST_INDEX {
-        index = MOST_INDEX;
+    if index > MAX_INDEX {
+        index = MAX_INDEX;
         by_eta = 0.0;
     }
     // The cosine of the critical angle.
@@ -266,13 +266,13 @@ pub(crate) fn given_back(cosine: f32, alpha: f32, eta: f32) -> Fit {
         let by_share = 6.0 * x * (1.0 - x) * BLEND;
         let mut faint = found;
         if share < 1.0 {
-            let c = cosine.max(LEAST_COSINE);
+            let c = cosine.max(MIN_COSINE);
             let t = 2.0 * c / (c + alpha) - 1.0;
             let root = critical.sqrt();
             let lost = leaving_faintly(t, r, (root - 0.51) * SPEED_FAINT);
             let by_root = by_index * 0.5 / root * SPEED_FAINT;
             faint = left(c, alpha, lost, by_root, MORE_FAINT, v2(1.0, 0.0));
-            if cosine < LEAST_COSINE {
+            if cosine < MIN_COSINE {
                 faint.by.x = 0.0;
             }
         }

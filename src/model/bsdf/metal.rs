@@ -20,7 +20,7 @@ use crate::model::frame::{from_local, from_local_backward};
 use crate::model::{V3, splat, v3};
 
 /// Minimum probability of each of the two lobes if both exist.
-const LEAST_SHARE: f32 = 0.05;
+const MIN_PROBABILITY: f32 = 0.05;
 
 /// Derivatives of a loss with respect to the terms X, Y, D, S and T.
 #[apply(record!)]
@@ -56,8 +56,8 @@ pub(super) fn gloss(shading: &Shading) -> f32 {
         let reflected = f.abs().element_sum();
         let below = (1.0 - metal) * shading.diffuse.abs().element_sum();
         if below > 0.0 {
-            share =
-                (reflected / (reflected + below)).clamp(LEAST_SHARE, const { 1.0 - LEAST_SHARE });
+            share = (reflected / (reflected + below))
+                .clamp(MIN_PROBABILITY, const { 1.0 - MIN_PROBABILITY });
         }
     }
     share

@@ -125,7 +125,7 @@ pub(crate) struct ShadingGradient {
 }
 
 /// Random numbers are kept this far from 0 and 1, where derivatives of sampled directions are unbounded.
-const LEAST: f32 = 1e-7;
+const EPSILON: f32 = 1e-7;
 /// The cosine to the shading normal is at most this multiple of the cosine to the geometric normal.
 pub(crate) const HORIZON: f32 = 4.0;
 /// Directions with a smaller density cannot have been sampled.

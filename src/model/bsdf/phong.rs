@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 
 #[cfg(feature = "gpu")]
 use super::ShadingExpand;
-use super::{IMPOSSIBLE, LEAST, Lobe, Scatter, Shading, ShadingGradient};
+use super::{EPSILON, IMPOSSIBLE, Lobe, Scatter, Shading, ShadingGradient};
 use crate::cube::*;
 use crate::model::frame::{
     arc_tangent_of, from_local, from_local_backward, sin_cos_of_turns, to_local,
@@ -157,11 +157,11 @@ pub(super) fn direction_backward(
         let by = from_local_backward(shading.mirror(), drawn.local, g);
         shading.mirror_backward(by.axis, gradient);
         let turn = sin_cos_of_turns(drawn.v);
-        let log = drawn.u.clamp(LEAST, 1.0 - LEAST).ln() / (shading.exponent + 1.0);
+        let log = drawn.u.clamp(EPSILON, 1.0 - EPSILON).ln() / (shading.exponent + 1.0);
         let square = (2.0 * log).exp();
         let mut by_log = by.local.z * log.exp();
         let rest = -(2.0 * log).exp_m1();
-        if rest > LEAST {
+        if rest > EPSILON {
             let by_sine = by.local.x * turn.cos + by.local.y * turn.sin;
             by_log -= by_sine * square / rest.sqrt();
         }
@@ -205,7 +205,7 @@ impl Shading {
         let mirror = self.mirror();
         let c = mirror.dot(outgoing);
         let mut by_outgoing = splat(0.0);
-        if c > LEAST && c <= 1.0 {
+        if c > EPSILON && c <= 1.0 {
             gradient.exponent += g * lobe * c.ln();
             let by_c = g * lobe * self.exponent / c;
             self.mirror_backward(outgoing * by_c, gradient);
@@ -218,8 +218,8 @@ impl Shading {
     #[inline(always)]
     fn phong_local(&self, u: f32, v: f32) -> V3 {
         let turn = sin_cos_of_turns(v);
-        let log = u.clamp(LEAST, 1.0 - LEAST).ln() / (self.exponent + 1.0);
-        let sine = (-(2.0 * log).exp_m1()).max(LEAST).sqrt();
+        let log = u.clamp(EPSILON, 1.0 - EPSILON).ln() / (self.exponent + 1.0);
+        let sine = (-(2.0 * log).exp_m1()).max(EPSILON).sqrt();
         v3(sine * turn.cos, sine * turn.sin, log.exp())
     }
 }
@@ -228,6 +228,6 @@ impl Shading {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn phong(exponent: f32, cosine: f32) -> f32 {
-    let lobe = (cosine.max(LEAST).min(1.0).ln() * exponent).exp();
-    select(cosine > LEAST, lobe, 0.0)
+    let lobe = (cosine.max(EPSILON).min(1.0).ln() * exponent).exp();
+    select(cosine > EPSILON, lobe, 0.0)
 }

@@ -11,10 +11,10 @@ use crate::scene::{self, BsdfKind};
 pub(super) const METALLIC: u32 = BsdfKind::MetallicRoughness as u32;
 pub(super) const CONDUCTOR: u32 = BsdfKind::Conductor as u32;
 
-const MOST_OF_METAL: f32 = scene::MOST_OF_METAL as f32;
-const LEAST_IOR: f32 = scene::LEAST_IOR as f32;
-const MOST_IOR: f32 = scene::MOST_IOR as f32;
-const LEAST_CONTRAST: f32 = scene::LEAST_CONTRAST as f32;
+const MAX_METAL_IOR: f32 = scene::MAX_METAL_IOR as f32;
+const MIN_IOR: f32 = scene::MIN_IOR as f32;
+const MAX_IOR: f32 = scene::MAX_IOR as f32;
+const MIN_CONTRAST: f32 = scene::MIN_CONTRAST as f32;
 
 /// Returns the derivative with respect to a clamped number: 0 outside [0, `most`].
 #[cfg_attr(feature = "gpu", cube)]
@@ -41,13 +41,13 @@ impl Shading {
     /// Returns the clamped η of a conductor.
     #[inline(always)]
     pub(super) fn eta_of_metal(&self) -> V3 {
-        self.diffuse.max(splat(0.0)).min(splat(MOST_OF_METAL))
+        self.diffuse.max(splat(0.0)).min(splat(MAX_METAL_IOR))
     }
 
     /// Returns the clamped k of a conductor.
     #[inline(always)]
     pub(super) fn extinction(&self) -> V3 {
-        self.specular.max(splat(0.0)).min(splat(MOST_OF_METAL))
+        self.specular.max(splat(0.0)).min(splat(MAX_METAL_IOR))
     }
 
     /// Sets derivatives with respect to clamped parameters of a conductor or of metallic-roughness to 0.
@@ -60,16 +60,16 @@ impl Shading {
         }
         if self.model == CONDUCTOR {
             gradient.specular = v3(
-                clamped(g.x, x.x, MOST_OF_METAL),
-                clamped(g.y, x.y, MOST_OF_METAL),
-                clamped(g.z, x.z, MOST_OF_METAL),
+                clamped(g.x, x.x, MAX_METAL_IOR),
+                clamped(g.y, x.y, MAX_METAL_IOR),
+                clamped(g.z, x.z, MAX_METAL_IOR),
             );
             let x = self.diffuse;
             let g = gradient.diffuse;
             gradient.diffuse = v3(
-                clamped(g.x, x.x, MOST_OF_METAL),
-                clamped(g.y, x.y, MOST_OF_METAL),
-                clamped(g.z, x.z, MOST_OF_METAL),
+                clamped(g.x, x.x, MAX_METAL_IOR),
+                clamped(g.y, x.y, MAX_METAL_IOR),
+                clamped(g.z, x.z, MAX_METAL_IOR),
             );
         }
     }
@@ -77,9 +77,9 @@ impl Shading {
     /// Returns the clamped index of refraction of the inside over the outside.
     #[inline(always)]
     pub(super) fn ior(&self) -> f32 {
-        let mut ior = self.specular.x.max(LEAST_IOR).min(MOST_IOR);
-        if (ior - 1.0).abs() < LEAST_CONTRAST {
-            ior = const { 1.0 + LEAST_CONTRAST };
+        let mut ior = self.specular.x.max(MIN_IOR).min(MAX_IOR);
+        if (ior - 1.0).abs() < MIN_CONTRAST {
+            ior = const { 1.0 + MIN_CONTRAST };
         }
         ior
     }

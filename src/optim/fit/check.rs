@@ -34,7 +34,7 @@ impl<M: Module> Fit<M> {
 }
 
 /// A parameter of a module.
-pub(super) struct Found {
+pub(super) struct ParameterInfo {
     pub id: ParamId,
     pub path: String,
     /// The device, if it does not record gradients.
@@ -48,7 +48,7 @@ pub(super) struct Found {
 struct Parameters<'a> {
     gradients: &'a GradientsParams,
     path: Vec<String>,
-    found: Result<Vec<Found>>,
+    parameters: Result<Vec<ParameterInfo>>,
 }
 
 impl ModuleVisitor for Parameters<'_> {
@@ -61,7 +61,7 @@ impl ModuleVisitor for Parameters<'_> {
     }
 
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-        let Ok(found) = &mut self.found else {
+        let Ok(parameters) = &mut self.parameters else {
             return;
         };
         let gradient = self.gradients.get::<D>(param.id);
@@ -69,7 +69,7 @@ impl ModuleVisitor for Parameters<'_> {
             Ok(gradient) => {
                 let (tensor, path) = (param.base(), self.path.join("."));
                 let records = tensor.is_autodiff();
-                found.push(Found {
+                parameters.push(ParameterInfo {
                     id: param.id,
                     path,
                     plain: (!records).then(|| tensor.device()),
@@ -77,12 +77,12 @@ impl ModuleVisitor for Parameters<'_> {
                     square: gradient.map(|g| g.iter().map(|x| x * x).sum()),
                 });
             }
-            Err(error) => self.found = Err(error),
+            Err(error) => self.parameters = Err(error),
         }
     }
 }
 
-impl Found {
+impl ParameterInfo {
     /// Whether the fit may change it.
     pub fn is_trained(&self) -> bool {
         self.plain.is_none() && !self.frozen
@@ -90,24 +90,27 @@ impl Found {
 }
 
 /// Returns the parameters of a module, and the squares of their gradients.
-pub(super) fn parameters<M: Module>(module: &M, gradients: &GradientsParams) -> Result<Vec<Found>> {
+pub(super) fn parameters<M: Module>(
+    module: &M,
+    gradients: &GradientsParams,
+) -> Result<Vec<ParameterInfo>> {
     let mut visitor = Parameters {
         gradients,
         path: Vec::new(),
-        found: Ok(Vec::new()),
+        parameters: Ok(Vec::new()),
     };
     module.visit(&mut visitor);
-    visitor.found
+    visitor.parameters
 }
 
 /// Checks that a module has a parameter that records gradients.
 fn check_parameters<M: Module>(module: &M) -> Result<()> {
-    let found = parameters(module, &GradientsParams::new())?;
-    if found.iter().any(Found::is_trained) {
+    let parameters = parameters(module, &GradientsParams::new())?;
+    if parameters.iter().any(ParameterInfo::is_trained) {
         return Ok(());
     }
-    let plain = found.iter().find_map(|p| Some((p, p.plain.as_ref()?)));
-    Err(match (plain, found.first()) {
+    let plain = parameters.iter().find_map(|p| Some((p, p.plain.as_ref()?)));
+    Err(match (plain, parameters.first()) {
         (Some((p, device)), _) => invalid(
             format!("device of the parameter {}", p.path),
             format!("{device:?}, which records no gradients"),
@@ -129,8 +132,8 @@ pub(super) fn clip<M: Module>(
     gradients: &mut GradientsParams,
     most: Option<f64>,
 ) -> Result<(Option<f64>, Vec<String>)> {
-    let found = parameters(module, gradients)?;
-    let squares = found.iter().filter_map(|p| p.square);
+    let parameters = parameters(module, gradients)?;
+    let squares = parameters.iter().filter_map(|p| p.square);
     let norm = squares.reduce(|a, b| a + b).map(f64::sqrt);
     if let (Some(norm), Some(most)) = (norm, most)
         && norm > most
@@ -139,7 +142,7 @@ pub(super) fn clip<M: Module>(
         let factor = most / norm;
         module.visit(&mut Scale { gradients, factor });
     }
-    let missing = found.into_iter();
+    let missing = parameters.into_iter();
     let missing = missing.filter(|p| p.square.is_none() && !p.frozen);
     Ok((norm, missing.map(|p| p.path).collect()))
 }

@@ -61,7 +61,7 @@ impl Checkpoints {
     }
 
     /// Returns all checkpoints, ordered by the number of steps taken.
-    fn all(&self) -> Result<Vec<(usize, PathBuf)>> {
+    fn list(&self) -> Result<Vec<(usize, PathBuf)>> {
         let all = entries(&self.inside)?.into_iter();
         let all = all.filter_map(|(name, path)| Some((name.parse().ok()?, path)));
         let mut all: Vec<(usize, PathBuf)> = all.collect();
@@ -77,7 +77,7 @@ impl Checkpoints {
         warn: &mut dyn FnMut(Warning),
     ) -> Result<Option<Checkpoint>> {
         let mut damaged = None;
-        for (steps, folder) in self.all()?.into_iter().rev() {
+        for (steps, folder) in self.list()?.into_iter().rev() {
             match Checkpoint::read(steps, &folder) {
                 Ok(checkpoint) => {
                     let folder = checkpoint.folder.display().to_string();
@@ -134,7 +134,7 @@ impl Checkpoints {
         let whole = self.inside.join(name);
         fs::rename(&part, &whole).map_err(Error::io(&whole))?;
         sync(&self.inside)?;
-        let all = self.all()?;
+        let all = self.list()?;
         for (_, old) in &all[..all.len().saturating_sub(KEPT)] {
             // The folder is renamed first, so that a kill in between leaves no folder that looks complete.
             let gone = self.inside.join(format!("{PART}old"));

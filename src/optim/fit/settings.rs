@@ -6,7 +6,7 @@ use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamGroup, Param
 use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::tensor::{Tensor, TensorData};
 
-use super::check::{Found, parameters};
+use super::check::{ParameterInfo, parameters};
 use super::{Fit, Warning};
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
@@ -21,18 +21,18 @@ const ENTRIES: usize = 4;
 /// What stands between the name and the value of a setting.
 const IS: &str = " = ";
 /// The largest number of settings in a message.
-const MOST_NAMED: usize = 8;
+const MAX_NAMED: usize = 8;
 
 impl<M: Module> Fit<M> {
     /// Returns the settings that must match a checkpoint's, as lines of a name and a value.
     pub(super) fn settings(&self) -> Result<String> {
-        let found = parameters(&self.module, &GradientsParams::new())?;
-        let group_rate = |p: &Found| {
+        let parameters = parameters(&self.module, &GradientsParams::new())?;
+        let group_rate = |p: &ParameterInfo| {
             let mut groups = self.rates.iter().rev();
             let (_, rate) = groups.find(|(group, _)| contains(group, p))?;
             Some(format!("{} {rate}", p.path))
         };
-        let rates: Vec<String> = found.iter().filter_map(group_rate).collect();
+        let rates: Vec<String> = parameters.iter().filter_map(group_rate).collect();
         let blur = self.blur.as_ref().map_or("none".into(), Blur::to_string);
         let clip = self.clip.map_or("none".into(), |norm| norm.to_string());
         let mut settings = vec![
@@ -43,7 +43,7 @@ impl<M: Module> Fit<M> {
             ("clip".into(), clip),
         ];
         let changes = changes(&self.optimizer, &self.module)?;
-        for p in found.iter().filter(|p| p.is_trained()) {
+        for p in parameters.iter().filter(|p| p.is_trained()) {
             let name = format!("optimizer of {} (test steps)", p.path);
             let changes = changes.get(&p.id).cloned().unwrap_or_default();
             settings.push((name, changes));
@@ -54,18 +54,18 @@ impl<M: Module> Fit<M> {
 
     /// Returns a warning for each group with a rate that contains no parameter.
     pub(super) fn empty_groups(&self) -> Result<Vec<Warning>> {
-        let found = parameters(&self.module, &GradientsParams::new())?;
+        let parameters = parameters(&self.module, &GradientsParams::new())?;
         let groups = self.rates.iter().map(|(group, _)| group);
-        let empty = groups.filter(|group| !found.iter().any(|p| contains(group, p)));
+        let empty = groups.filter(|group| !parameters.iter().any(|p| contains(group, p)));
         let warning = |group: &ParamGroup| Warning::EmptyGroup {
             group: format!("{group:?}"),
-            parameters: found.iter().map(|p| p.path.clone()).collect(),
+            parameters: parameters.iter().map(|p| p.path.clone()).collect(),
         };
         Ok(empty.map(warning).collect())
     }
 }
 
-fn contains(group: &ParamGroup, p: &Found) -> bool {
+fn contains(group: &ParamGroup, p: &ParameterInfo) -> bool {
     group.matches(&p.id, Some(&p.path))
 }
 
@@ -89,9 +89,9 @@ pub(super) fn check_settings(checkpoint: &str, there: &str, now: &str) -> Result
             (there != now).then(|| format!("{name}: {there} there, {now} now"))
         })
         .collect();
-    let mut named = differ[..differ.len().min(MOST_NAMED)].join("; ");
-    if differ.len() > MOST_NAMED {
-        named += &format!("; and {} more", differ.len() - MOST_NAMED);
+    let mut named = differ[..differ.len().min(MAX_NAMED)].join("; ");
+    if differ.len() > MAX_NAMED {
+        named += &format!("; and {} more", differ.len() - MAX_NAMED);
     }
     Error::unless(
         differ.is_empty(),

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::geometry::host_values;
 
 /// The least union in the denominator, in pixels, so that the loss goes to 0 as both silhouettes become empty.
-const LEAST_UNION: f64 = 1e-3;
+const MIN_UNION: f64 = 1e-3;
 
 /// Soft intersection-over-union loss: 1 − Σab / Σ(a + b − ab) of opacities `[H, W]` from 0 to 1 (Liu et al.
 /// 2019, *Soft Rasterizer*). Of `[…, H, W]` it is the mean over all images.
@@ -28,7 +28,7 @@ pub fn silhouette_iou<const D: usize>(opacity: Tensor<D>, target: Tensor<D>) -> 
     let sums = |t: Tensor<D>| t.reshape([count, pixels]).sum_dim(1);
     let both = sums(opacity.clone() * target.clone());
     let union = sums(opacity + target) - both.clone();
-    Ok(((union.clone() - both) / union.clamp_min(LEAST_UNION)).mean())
+    Ok(((union.clone() - both) / union.clamp_min(MIN_UNION)).mean())
 }
 
 /// Returns the intersection over union of the pixels whose opacity is above a threshold, computed on the host.

@@ -12,7 +12,7 @@ use super::forward::camera_tiles;
 use super::prepare::Places;
 use super::rows::Rows;
 use crate::kernel::{FilmEdges, HostSums, ON_FILM, PixelGradients, Seen, View, Work, Yields};
-use crate::model::film::{MOST, samples_of_film};
+use crate::model::film::{MAX_EDGE_SAMPLES, samples_of_film};
 use crate::model::integers::hashed;
 use crate::model::jumps::usual_searches;
 use crate::render::options::RenderOptions;
@@ -28,9 +28,9 @@ const VIEWS_AT_ONCE: usize = 16;
 /// others.
 const FIRST: u32 = 8;
 /// The minimum number of paths for this measurement.
-const LEAST_PATHS: u64 = 8192;
+const MIN_PATHS: u64 = 8192;
 /// The least number of pixels that go first.
-const LEAST_FIRST: usize = 32;
+const MIN_FIRST_PIXELS: usize = 32;
 /// One film edge sample in this many is drawn first, for the measurement. It is not part of the result.
 const FIRST_ON_FILM: u32 = 32;
 
@@ -89,7 +89,7 @@ impl Backward {
             .zip(rows.par_chunks(of_view))
             .map(|((view, _), rows)| {
                 let mut sums = HostSums::new(&view.scene, &view.wanted);
-                self.add(view, &self.asked(view, rows), &mut sums);
+                self.add(view, &self.loss_gradient(view, rows), &mut sums);
                 sums.resolve(&view.scene);
                 sums
             })
@@ -101,7 +101,7 @@ impl Backward {
     }
 
     /// Returns the upstream gradient of a view's pixels, and the edges on its film if there are any.
-    fn asked(&self, view: &View, rows: &[f64]) -> Asked {
+    fn loss_gradient(&self, view: &View, rows: &[f64]) -> LossGradient {
         let channels = self.rows.count();
         let unit = view.scene.frame.unit;
         let pixels = self.pixels.iter().enumerate();
@@ -122,7 +122,7 @@ impl Backward {
                 samples: samples_of_film(count as u32, self.samples),
             });
         }
-        Asked {
+        LossGradient {
             upstream,
             paths: count as u64 * u64::from(self.samples),
             film,
@@ -130,7 +130,7 @@ impl Backward {
     }
 
     /// Adds the derivatives of a view.
-    fn add(&self, view: &View, asked: &Asked, all: &mut HostSums) {
+    fn add(&self, view: &View, loss: &LossGradient, all: &mut HostSums) {
         let jumps = view.has_edges;
         if !view.settings.interior && !jumps {
             return;
@@ -140,7 +140,7 @@ impl Backward {
         let accumulators = (ACCUMULATED / all.len()).clamp(4, 64);
         let each = self.tiles.len().div_ceil(accumulators).max(1);
         let per_sample = f64::from(self.samples).recip() as f32;
-        let upstream: Vec<(u32, Seen)> = asked
+        let upstream: Vec<(u32, Seen)> = loss
             .upstream
             .iter()
             .map(|&(pixel, g)| (pixel, g.times(per_sample)))
@@ -158,13 +158,13 @@ impl Backward {
                 }
             })
         };
-        let film = &asked.film;
+        let film = &loss.film;
         let mut shares = [1.0; 3];
         let first = |pixel: u32| hashed(pixel).is_multiple_of(FIRST);
         let counted = upstream
             .iter()
             .filter(|(p, g)| first(*p) && *g != Seen::default());
-        let enough = asked.paths >= LEAST_PATHS && counted.count() >= LEAST_FIRST;
+        let enough = loss.paths >= MIN_PATHS && counted.count() >= MIN_FIRST_PIXELS;
         if self.shares && jumps && enough {
             let mut yields = of_pixels(usual, &first).times(f64::from(FIRST));
             if let Some(film) = film {
@@ -178,7 +178,7 @@ impl Backward {
         }
         if let Some(film) = film {
             let count = (film.samples as f32 * shares[ON_FILM]) as u32;
-            film.add(view, 0..count.clamp(1, MOST), accumulators, all);
+            film.add(view, 0..count.clamp(1, MAX_EDGE_SAMPLES), accumulators, all);
         }
     }
 }
@@ -217,7 +217,7 @@ fn add_in_order(
 }
 
 /// The dependence of a loss on a view.
-struct Asked {
+struct LossGradient {
     /// The derivatives of the loss with respect to each pixel.
     upstream: Vec<(u32, Seen)>,
     /// The number of paths in pixels with a nonzero derivative.
@@ -256,7 +256,8 @@ impl Film {
     fn first(&self, view: &View) -> Yields {
         let count = self.samples.div_ceil(FIRST_ON_FILM);
         let mut sums = HostSums::new(&view.scene, &view.wanted);
-        let mut yields = self.add(view, MOST..MOST + count, 4, &mut sums);
+        let pilot = MAX_EDGE_SAMPLES..MAX_EDGE_SAMPLES + count;
+        let mut yields = self.add(view, pilot, 4, &mut sums);
         // Each sample was one of `count`. Squares fall as the number of samples grows.
         let of = &mut yields.edges[ON_FILM];
         of.squares /= f64::from(FIRST_ON_FILM).powi(2);

@@ -89,8 +89,8 @@ pub(super) fn render(
              inside of it"
         );
     }
-    let asked = views.iter().zip(&traced).filter(|_| options.diagnostics);
-    let diagnostics = asked.map(|((view, _), traced)| Diagnostics {
+    let diagnosed = views.iter().zip(&traced).filter(|_| options.diagnostics);
+    let diagnostics = diagnosed.map(|((view, _), traced)| Diagnostics {
         degenerate_triangles: view.scene.degenerate(),
         non_finite_light: traced.non_finite,
         effective_surfaces: 1.0,

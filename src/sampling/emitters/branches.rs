@@ -16,7 +16,7 @@ pub(super) struct Item {
     pub high: V3,
     /// The normal or direction. The emitter emits up to 90° from it, or in all directions.
     pub axis: V3,
-    pub all_round: bool,
+    pub is_isotropic: bool,
     pub power: f32,
     /// Whether the emitter is the only one of its leaf.
     pub alone: bool,
@@ -26,7 +26,7 @@ impl Sphere {
     pub(super) fn new(items: &[Item]) -> Self {
         let (low, high) = bounds(items);
         let power: f32 = items.iter().map(|i| i.power).sum();
-        let axis = |i: &Item| (!i.all_round).then_some(i.axis);
+        let axis = |i: &Item| (!i.is_isotropic).then_some(i.axis);
         Self {
             center: (low + high) * 0.5,
             radius: (high - low).length() * (0.5 * (1.0 + 1e-5)),
@@ -77,7 +77,7 @@ impl Bin {
         Self {
             low: item.low,
             high: item.high,
-            axis: if item.all_round {
+            axis: if item.is_isotropic {
                 V3::ZERO
             } else {
                 item.axis * item.power

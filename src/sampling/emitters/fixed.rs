@@ -6,7 +6,7 @@
 )]
 
 use crate::cube::*;
-use crate::model::choice::MOST;
+use crate::model::choice::MAX_UNIFORM;
 use crate::model::lists::first_over;
 
 /// Probabilities that do not depend on the point, and their running sums.
@@ -44,7 +44,7 @@ impl<'a> Fixed<'a> {
         Chosen {
             emitter: k,
             chance,
-            rest: ((u - before) / chance).max(0.0).min(MOST),
+            rest: ((u - before) / chance).max(0.0).min(MAX_UNIFORM),
         }
     }
 }

@@ -13,7 +13,7 @@ use super::fixed::Chosen;
 use super::tree::LightTree;
 use crate::accel::eights::NONE;
 use crate::cube::*;
-use crate::model::choice::{MOST, is_positive};
+use crate::model::choice::{MAX_UNIFORM, is_positive};
 use crate::model::delta_light::{DeltaLight, delta_light_at};
 use crate::model::emitter::hit_front;
 use crate::model::lists::vector;
@@ -37,11 +37,11 @@ pub(crate) struct EmitterKinds {
 
 impl EmitterKinds {
     /// The largest number of words of scratch space that a choice requires.
-    pub const MOST_ROOM: usize = FEW;
+    pub const MAX_ROOM: usize = MAX_SOLID_ANGLES;
 }
 
 /// The largest number of emitters for which solid angles are computed at every point.
-pub(super) const FEW: usize = 64;
+pub(super) const MAX_SOLID_ANGLES: usize = 64;
 
 /// The emitters of a scene as lists. Triangles are numbered first, then delta lights.
 #[cfg_attr(feature = "gpu", derive(CubeType))]
@@ -166,7 +166,7 @@ impl Choosing {
         Chosen {
             emitter: self.emitter,
             chance: self.chance,
-            rest: ((u - self.before) / self.chance).max(0.0).min(MOST),
+            rest: ((u - self.before) / self.chance).max(0.0).min(MAX_UNIFORM),
         }
     }
 }

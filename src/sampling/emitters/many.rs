@@ -30,7 +30,7 @@ fn item(k: usize, e: &Emitter) -> Item {
         low: ends.iter().fold(ends[0], |low, &c| low.min(c)),
         high: ends.iter().fold(ends[0], |high, &c| high.max(c)),
         axis: e.normal,
-        all_round: false,
+        is_isotropic: false,
         power: (e.area * e.radiance).clamp(1e-30, 1e30),
         alone: false,
     }
@@ -54,7 +54,7 @@ impl ManyEmitters {
                 low: light.position,
                 high: light.position,
                 axis: light.axis,
-                all_round: light.is_isotropic(),
+                is_isotropic: light.is_isotropic(),
                 power: light.mean().clamp(1e-30, 1e30),
                 alone: true,
             });

@@ -20,7 +20,7 @@ use crate::model::delta_light::DeltaLight;
 pub(crate) use fixed::{Chosen, Fixed};
 pub(crate) use groups::EmitterGroup;
 use groups::group;
-use lists::FEW;
+use lists::MAX_SOLID_ANGLES;
 pub(crate) use lists::{
     Choosing, EmitterHit, EmitterKinds, EmitterLists, EmitterTriangle, OF_EMITTER, Receiver,
     no_emitter_hit,
@@ -158,7 +158,7 @@ impl Emitters {
             lights,
             fixed,
         };
-        if by_place && count > FEW {
+        if by_place && count > MAX_SOLID_ANGLES {
             let (many, groups) = ManyEmitters::new(&mut this);
             this.groups = groups;
             this.by = Choice::Tree(many);
@@ -187,7 +187,7 @@ impl Emitters {
             moves,
             by_solid_angle: matches!(this.by, Choice::SolidAngle),
             by_tree: matches!(this.by, Choice::Tree(_)),
-            by_sums: count > FEW,
+            by_sums: count > MAX_SOLID_ANGLES,
             room: match this.by {
                 Choice::SolidAngle => count.next_power_of_two().max(LANES),
                 _ => LANES,
@@ -283,7 +283,7 @@ impl Emitters {
                 let triangles = triangles.filter(|&k| k < self.list.len());
                 self.each_hit(triangles, at, direction, visit);
             }
-            _ => self.each_hit(self.all(), at, direction, visit),
+            _ => self.each_hit(self.triangles(), at, direction, visit),
         }
     }
 
@@ -306,7 +306,7 @@ impl Emitters {
     }
 
     /// Returns the numbers of all triangles.
-    pub fn all(&self) -> std::ops::Range<usize> {
+    pub fn triangles(&self) -> std::ops::Range<usize> {
         0..self.list.len()
     }
 }

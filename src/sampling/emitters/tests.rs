@@ -187,7 +187,9 @@ fn rays_meet_all_emitters() {
         let direction = v3((2.3 * t).cos(), (0.7 * t).sin(), (1.1 * t).cos()).normalize();
         let (mut one, mut other) = (Vec::new(), Vec::new());
         all.each_hit_of_all(&at, direction, &mut met, |hit| one.push(hit.emitter));
-        all.each_hit(all.all(), &at, direction, |hit| other.push(hit.emitter));
+        all.each_hit(all.triangles(), &at, direction, |hit| {
+            other.push(hit.emitter)
+        });
         one.sort_unstable();
         assert_eq!(one, other);
         count += one.len();
@@ -210,7 +212,7 @@ fn the_same_emitters_lie_along_a_ray() {
             EmitterSampling::SolidAngle,
         );
         let (lists, mut met) = (all.lists(), Met::default());
-        let mut room = vec![0; EmitterKinds::MOST_ROOM];
+        let mut room = vec![0; EmitterKinds::MAX_ROOM];
         for k in 0..2000 {
             let (a, b) = ((0.37 * k as f32).sin(), (0.61 * k as f32).cos());
             let at = Receiver {

@@ -15,7 +15,7 @@ use crate::accel::LANES;
 use crate::accel::eights::{NONE, number, sum_of, vector};
 #[cfg(feature = "gpu")]
 use crate::cube::*;
-use crate::model::choice::{MOST, is_positive};
+use crate::model::choice::{MAX_UNIFORM, is_positive};
 use crate::model::light_bounds::{Axes, Sphere};
 use crate::model::lists::first_over;
 use crate::model::{V3, v3};
@@ -169,12 +169,12 @@ impl<'a> LightTree<'a> {
             rest: 0.0f32,
         };
         if u < BY_POWER {
-            chosen = self.fixed.choose((u / BY_POWER).min(MOST));
+            chosen = self.fixed.choose((u / BY_POWER).min(MAX_UNIFORM));
             chosen.chance = self.chance(chosen.emitter, share, x, normal, weights);
         } else {
-            let u = ((u - BY_POWER) / (1.0 - BY_POWER)).min(MOST);
+            let u = ((u - BY_POWER) / (1.0 - BY_POWER)).min(MAX_UNIFORM);
             if self.count > 0 && u >= share {
-                let rest = ((u - share) / (1.0 - share)).min(MOST);
+                let rest = ((u - share) / (1.0 - share)).min(MAX_UNIFORM);
                 chosen = self.choose_near(rest, x, normal, weights);
                 chosen.chance *= 1.0 - share;
             } else {
@@ -217,7 +217,7 @@ impl<'a> LightTree<'a> {
             }
             let own = f32::from_bits(weights[branch]);
             chance *= own / total;
-            rest = ((target - before) / own).max(0.0).min(MOST);
+            rest = ((target - before) / own).max(0.0).min(MAX_UNIFORM);
             going = !self.is_leaf(node);
             node = self.word(node, branch);
         }

@@ -7,7 +7,7 @@ use super::{Drawn, Numbers, TensorBsdf, cosine};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
 use crate::model::bsdf::{UPRIGHT, given_back};
-use crate::scene::{LEAST_CONTRAST, LEAST_IOR, MOST_IOR};
+use crate::scene::{MAX_IOR, MIN_CONTRAST, MIN_IOR};
 use crate::tensors::surface::{Model, SurfacePoints};
 
 /// Returns the fraction of light that is reflected on its way from the side of index 1 to the side of index η.
@@ -39,15 +39,15 @@ pub(super) struct Dielectric<'a>(Facets<'a>);
 impl<'a> Dielectric<'a> {
     pub fn new(points: &'a SurfacePoints, model: &Model, incoming: &Vec3) -> Self {
         let mut facets = Facets::new(points, model, incoming);
-        facets.second.x = clamped(&facets.second.x, LEAST_IOR, MOST_IOR);
+        facets.second.x = clamped(&facets.second.x, MIN_IOR, MAX_IOR);
         Self(facets)
     }
 
     /// Returns η, the index of refraction of the other side over the index of the view's side.
     fn eta(&self) -> Tensor<2> {
         let ior = self.0.second.x.clone();
-        let near = (detached(&ior) - 1.0).abs().lower_elem(LEAST_CONTRAST);
-        let ior = ior.mask_fill(near, 1.0 + LEAST_CONTRAST);
+        let near = (detached(&ior) - 1.0).abs().lower_elem(MIN_CONTRAST);
+        let ior = ior.mask_fill(near, 1.0 + MIN_CONTRAST);
         let inside = self.0.points.inside.clone().greater_elem(0.5);
         ior.clone().mask_where(inside, ior.recip())
     }

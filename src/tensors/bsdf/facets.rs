@@ -12,7 +12,7 @@ use crate::scene::MaterialKind;
 use crate::tensors::surface::{Model, SurfacePoints};
 
 /// The least α.
-const LEAST_ALPHA: f64 = 1e-3;
+const MIN_ALPHA: f64 = 1e-3;
 /// The least square that is a divisor.
 const TINY: f64 = 1e-12;
 
@@ -44,7 +44,7 @@ impl<'a> Facets<'a> {
             points.parameters[place].map(|p| p.mask_fill(other.clone(), value))
         };
         let roughness = clamped(&safe(2, 0.5).x, 0.0, 1.0);
-        let alpha = (roughness.clone() * roughness).clamp_min(LEAST_ALPHA);
+        let alpha = (roughness.clone() * roughness).clamp_min(MIN_ALPHA);
         let along = points.normal.dot(incoming);
         // Where an interpolated normal faces away, the view direction is mirrored.
         let behind = along.clone().clamp_min(0.0) * 2.0;

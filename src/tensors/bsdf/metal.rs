@@ -9,11 +9,11 @@ use super::{Drawn, Numbers, TensorBsdf, cosine};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
 use crate::model::bsdf::{DIELECTRIC_F0, Fit, dielectric_facets, lost, mean_of_dielectric_facets};
-use crate::scene::{BsdfKind, MOST_OF_METAL};
+use crate::scene::{BsdfKind, MAX_METAL_IOR};
 use crate::tensors::surface::{Model, SurfacePoints};
 
 /// The least probability of each lobe if there are two.
-const LEAST_SHARE: f64 = 0.05;
+const MIN_PROBABILITY: f64 = 0.05;
 
 /// Returns Fresnel's reflectance of a metal with the index η − i k.
 fn conductor(cosine: &Tensor<2>, eta: Tensor<2>, k: Tensor<2>) -> Tensor<2> {
@@ -54,7 +54,7 @@ impl<'a> Metal<'a> {
         let Facets { first, second, .. } = &mut metal.0;
         if model.kind.bsdf == BsdfKind::Conductor {
             for v in [first, second] {
-                *v = v.map(|x| clamped(&x, 0.0, MOST_OF_METAL));
+                *v = v.map(|x| clamped(&x, 0.0, MAX_METAL_IOR));
             }
         } else {
             second.x = clamped(&second.x, 0.0, 1.0);
@@ -123,7 +123,7 @@ impl<'a> Metal<'a> {
         let all = below.clone().lower_equal_elem(0.0);
         let share = reflected.clone() / (reflected + below);
         share
-            .clamp(LEAST_SHARE, 1.0 - LEAST_SHARE)
+            .clamp(MIN_PROBABILITY, 1.0 - MIN_PROBABILITY)
             .mask_fill(all, 1.0)
     }
 }

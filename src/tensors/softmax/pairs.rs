@@ -17,12 +17,12 @@ pub(crate) struct List {
 #[derive(Clone, Debug)]
 pub(crate) struct Pairs {
     rows: usize,
-    own: Option<Own>,
+    lists: Option<CandidateLists>,
 }
 
 /// The triangles of each ray.
 #[derive(Clone, Debug)]
-struct Own {
+struct CandidateLists {
     /// Triangle indices `[K, N]`, ascending for each ray, with [`NO_TRIANGLE`] after the last one.
     triangle: Vec<u32>,
     rays: usize,
@@ -36,15 +36,15 @@ struct Own {
 
 impl Pairs {
     /// Pairs every ray with all triangles.
-    pub fn all(triangles: usize) -> Self {
+    pub fn with_all(triangles: usize) -> Self {
         Self {
             rows: triangles,
-            own: None,
+            lists: None,
         }
     }
 
     /// Pairs each ray with its own triangles, whose indices are in ascending order.
-    pub fn own(context: &Context, lists: &[&List]) -> Self {
+    pub fn with_candidates(context: &Context, lists: &[&List]) -> Self {
         let rays = lists.len();
         let rows = lists
             .iter()
@@ -63,7 +63,7 @@ impl Pairs {
             .iter()
             .map(|&k| if k == NO_TRIANGLE { 0 } else { k })
             .collect();
-        let own = Own {
+        let lists = CandidateLists {
             index: context.index_row(&index),
             some: Tensor::from_data(TensorData::new(some, [rows, rays]), &context.device),
             is_whole: lists.iter().all(|l| l.is_whole),
@@ -72,19 +72,19 @@ impl Pairs {
         };
         Self {
             rows,
-            own: Some(own),
+            lists: Some(lists),
         }
     }
 
     /// Returns whether there are no pairs.
     pub fn is_empty(&self) -> bool {
-        let empty = |own: &Own| own.triangle.iter().all(|&k| k == NO_TRIANGLE);
-        self.own.as_ref().is_some_and(empty)
+        let empty = |lists: &CandidateLists| lists.triangle.iter().all(|&k| k == NO_TRIANGLE);
+        self.lists.as_ref().is_some_and(empty)
     }
 
     /// Returns whether each ray has one triangle, which covers the whole ray.
     pub fn is_whole(&self) -> bool {
-        self.own.as_ref().is_some_and(|own| own.is_whole)
+        self.lists.as_ref().is_some_and(|lists| lists.is_whole)
     }
 
     /// Returns K.
@@ -94,8 +94,8 @@ impl Pairs {
 
     /// Gathers a value of all triangles `[T, 1]` or `[1, T]` for the pairs: `[K, N]`, or `[T, 1]` if each ray has all.
     pub fn of(&self, plane: &Tensor<2>) -> Tensor<2> {
-        match &self.own {
-            Some(own) => gather_row(plane.clone(), &own.index).reshape([self.rows, own.rays]),
+        match &self.lists {
+            Some(lists) => gather_row(plane.clone(), &lists.index).reshape([self.rows, lists.rays]),
             None => plane.clone().reshape([self.rows, 1]),
         }
     }
@@ -106,11 +106,11 @@ impl Pairs {
 
     /// Gathers untracked values in the same way.
     pub fn constant(&self, context: &Context, values: &[f64]) -> Tensor<2> {
-        match &self.own {
-            Some(own) => {
+        match &self.lists {
+            Some(lists) => {
                 let of = |&k: &u32| values.get(k as usize).copied().unwrap_or(0.0);
-                let values: Vec<f64> = own.triangle.iter().map(of).collect();
-                context.tensor(&values, [self.rows, own.rays])
+                let values: Vec<f64> = lists.triangle.iter().map(of).collect();
+                context.tensor(&values, [self.rows, lists.rays])
             }
             None => context.column(values),
         }
@@ -119,22 +119,28 @@ impl Pairs {
     /// Returns which elements are pairs with a valid triangle. `valid` is `[T, 1]`. A ray's own triangles are all
     /// valid.
     pub fn valid(&self, valid: &Tensor<2, Bool>) -> Tensor<2, Bool> {
-        self.own.as_ref().map_or(valid, |own| &own.some).clone()
+        self.lists
+            .as_ref()
+            .map_or(valid, |lists| &lists.some)
+            .clone()
     }
 
     /// Returns the triangle of a ray in a row, or T past the last one.
     pub fn triangle(&self, ray: usize, row: u32, triangles: u32) -> u32 {
-        let of = |own: &Own| own.triangle.get(row as usize * own.rays + ray).copied();
-        match &self.own {
-            Some(own) => of(own).map_or(triangles, |k| k.min(triangles)),
+        let of =
+            |lists: &CandidateLists| lists.triangle.get(row as usize * lists.rays + ray).copied();
+        match &self.lists {
+            Some(lists) => of(lists).map_or(triangles, |k| k.min(triangles)),
             None => row,
         }
     }
 
     /// Returns the row of a ray that contains a triangle.
     pub fn row_of(&self, ray: usize, triangle: u32) -> Option<usize> {
-        match &self.own {
-            Some(own) => (0..self.rows).find(|row| own.triangle[row * own.rays + ray] == triangle),
+        match &self.lists {
+            Some(lists) => {
+                (0..self.rows).find(|row| lists.triangle[row * lists.rays + ray] == triangle)
+            }
             None => Some(triangle as usize),
         }
     }
@@ -147,9 +153,9 @@ impl Pairs {
         neighbors: &Neighbors,
         mut f: impl FnMut(usize),
     ) {
-        match &self.own {
-            Some(own) => {
-                let of = |row: usize| own.triangle[row * own.rays + ray];
+        match &self.lists {
+            Some(lists) => {
+                let of = |row: usize| lists.triangle[row * lists.rays + ray];
                 let is = |row: &usize| of(*row) != NO_TRIANGLE && neighbors.are(of(*row), triangle);
                 (0..self.rows).filter(is).for_each(f);
             }

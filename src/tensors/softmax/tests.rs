@@ -123,7 +123,7 @@ fn build(case: &Case, device: &Device, dtype: DType) -> Built {
         arrival_margin: 0.0,
     };
     let radius = case.json["radius"].as_f64().expect("radius");
-    let (scene, pairs) = ((&triangles, &topology), Pairs::all(case.triangles));
+    let (scene, pairs) = ((&triangles, &topology), Pairs::with_all(case.triangles));
     Built {
         coverage: coverage(&context, scene, &rays, &pairs, &settings),
         cut: coverage(&context, scene, &up_to, &pairs, &settings),

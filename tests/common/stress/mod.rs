@@ -124,7 +124,7 @@ type Read = Box<dyn Fn(&Gradients) -> Vec<f64>>;
 struct Leaves {
     device: Device,
     dtype: DType,
-    all: Vec<(String, Read)>,
+    list: Vec<(String, Read)>,
 }
 
 impl Leaves {
@@ -134,7 +134,7 @@ impl Leaves {
             .require_grad();
         let read = leaf.clone();
         let count = shape.iter().product();
-        self.all.push((
+        self.list.push((
             name,
             Box::new(move |g| {
                 read.grad(g)
@@ -249,7 +249,7 @@ impl World {
         let mut leaves = Leaves {
             device: device.clone(),
             dtype,
-            all: Vec::new(),
+            list: Vec::new(),
         };
         let (scene, camera) = self.build(&mut leaves);
         let image = render(&scene, &camera, &self.options)?.radiance;
@@ -261,7 +261,7 @@ impl World {
         Ok(Outcome {
             image: values,
             gradients: leaves
-                .all
+                .list
                 .into_iter()
                 .map(|(name, read)| (name, read(&gradients)))
                 .collect(),

@@ -3,7 +3,7 @@
 use softray::Result;
 use softray::prelude::*;
 
-use crate::common::told::{Told, ball, camera, flex, lit, row, see, small};
+use crate::common::mistakes::{Mistakes, ball, camera, flex, lit, row, see, small};
 
 /// Constants that no material, light or sky has, and colors of vertices that are not.
 #[test]
@@ -12,7 +12,7 @@ fn constants_out_of_their_ranges() {
     let huge = 1e30;
     let metal = |metallic, roughness| Material::metallic_roughness([0.5; 3], metallic, roughness);
     let texels = || Tensor::<3>::full([2, 2, 3], huge, &flex());
-    let mut told = Told::default();
+    let mut mistakes = Mistakes::default();
     for (name, parts, material) in [
         (
             "diffuse",
@@ -59,31 +59,31 @@ fn constants_out_of_their_ranges() {
         ),
     ] {
         let [expected, found] = parts;
-        told.expect(
+        mistakes.expect(
             &format!("{name} of {found}"),
             &["ball", name, expected, found],
             || see(ball().with_material(material.clone())),
         );
     }
     let lit_by = |light: Light| render(&lit(ball()).with_light(light), &camera(), &small());
-    told.expect(
+    mistakes.expect(
         "intensity of 1e30",
         &["light 0", "intensity", "1e15"],
         || lit_by(Light::point([0.0, 3.0, 0.0], [huge; 3])),
     );
-    told.expect(
+    mistakes.expect(
         "irradiance of -1e30",
         &["light 0", "irradiance", "1e15"],
         || lit_by(Light::directional([0.0, -1.0, 0.0], [-huge; 3])),
     );
-    told.expect("a sky of 1e30", &["environment", "1e15"], || {
+    mistakes.expect("a sky of 1e30", &["environment", "1e15"], || {
         render(
             &lit(ball()).with_environment([huge; 3]),
             &camera(),
             &small(),
         )
     });
-    told.expect("a map of 1e30", &["environment", "(0, 0)", "1e15"], || {
+    mistakes.expect("a map of 1e30", &["environment", "(0, 0)", "1e15"], || {
         let map = Environment::map(texels());
         render(&lit(ball()).with_environment(map), &camera(), &small())
     });
@@ -96,7 +96,7 @@ fn constants_out_of_their_ranges() {
         };
         see(ball().map_mesh(|m| m.with_colors(colors, corners)))
     };
-    told.expect(
+    mistakes.expect(
         "negative vertex colors",
         &["ball", "colors 0", "-0.1", "≥ 0"],
         || painted(-0.1, false),

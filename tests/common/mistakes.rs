@@ -1,4 +1,4 @@
-//! Small scenes to make mistakes with, and what is told of these.
+//! Small scenes to make mistakes with, and checks of the errors and warnings that these cause.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, Once};
@@ -8,24 +8,29 @@ use burn::tensor::{Device, Tensor};
 use softray::Result;
 use softray::prelude::*;
 
-/// Messages, and what is missing from them.
+/// Mistakes with the messages that are expected of them. The test fails at the end with a list of all that differ.
 #[derive(Default)]
-pub struct Told {
+pub struct Mistakes {
     failures: Vec<String>,
 }
 
-impl Told {
+impl Mistakes {
     /// That a mistake is an error whose message has these parts.
     pub fn expect<T>(&mut self, mistake: &str, parts: &[&str], f: impl FnOnce() -> Result<T>) {
-        self.hear(
+        self.check_result(
             mistake,
             parts,
             catch_unwind(AssertUnwindSafe(|| f().map(drop))),
         );
     }
 
-    fn hear(&mut self, mistake: &str, parts: &[&str], said: std::thread::Result<Result<()>>) {
-        let message = match said {
+    fn check_result(
+        &mut self,
+        mistake: &str,
+        parts: &[&str],
+        result: std::thread::Result<Result<()>>,
+    ) {
+        let message = match result {
             Ok(Ok(())) => "NO ERROR".to_owned(),
             Ok(Err(error)) => {
                 let (shown, debug) = (error.to_string(), format!("{error:?}"));
@@ -63,7 +68,7 @@ impl Told {
     }
 }
 
-impl Drop for Told {
+impl Drop for Mistakes {
     fn drop(&mut self) {
         if !std::thread::panicking() {
             assert!(self.failures.is_empty(), "\n{}", self.failures.join("\n"));
@@ -111,8 +116,8 @@ impl log::Log for Log {
 
     fn log(&self, record: &log::Record) {
         if record.level() <= log::Level::Warn {
-            let mut all = self.0.lock().expect("a log");
-            all.push((std::thread::current().id(), record.args().to_string()));
+            let mut log = self.0.lock().expect("a log");
+            log.push((std::thread::current().id(), record.args().to_string()));
         }
     }
 
@@ -126,10 +131,10 @@ pub fn warnings<T>(f: impl FnOnce() -> T) -> Vec<String> {
         log::set_logger(&LOG).expect("no other logger");
         log::set_max_level(log::LevelFilter::Warn);
     });
-    let own = std::thread::current().id();
-    LOG.0.lock().expect("a log").retain(|(id, _)| *id != own);
+    let thread = std::thread::current().id();
+    LOG.0.lock().expect("a log").retain(|(id, _)| *id != thread);
     f();
-    let all = LOG.0.lock().expect("a log");
-    let own = all.iter().filter(|(id, _)| *id == own);
-    own.map(|(_, message)| message.clone()).collect()
+    let log = LOG.0.lock().expect("a log");
+    let of_thread = log.iter().filter(|(id, _)| *id == thread);
+    of_thread.map(|(_, message)| message.clone()).collect()
 }
