@@ -141,7 +141,7 @@ impl Task for AddPairs<'_> {
                 let child = node.child[slot];
                 let other = child as usize / 2;
                 if child.is_multiple_of(2) {
-                    if self.all.past[other] as usize > self.leaf {
+                    if self.overlaps.past[other] as usize > self.leaf {
                         open.push(child);
                     }
                 } else if other >= self.leaf
@@ -186,7 +186,7 @@ impl AddPairs<'_> {
             if other == self.leaf {
                 met &= !((2 << i) - 1);
             }
-            if met != 0 && self.all.wide.velocities.is_none() {
+            if met != 0 && self.overlaps.wide.velocities.is_none() {
                 met &= pass(machine, others, corners[i]);
             }
             while met != 0 {
