@@ -38,7 +38,7 @@ struct Arguments {
     /// Random seed of the fit.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Device: flex, ndarray, wgpu or vulkan. Default: the value of BURN_DEVICE, or flex.
+    /// Device, by its name in `softray::device::named`: flex, ndarray, wgpu, vulkan, metal, cuda or rocm. Default: the value of BURN_DEVICE, or flex.
     #[arg(long)]
     device: Option<String>,
     /// Folder for the pictures.

@@ -68,7 +68,7 @@ impl Predictor {
 
     /// Compares renders of the predictions with the images `[B, H, W, 3]`.
     fn compare(&self, images: Tensor<4>, view: &Renderer, seed: u64) -> softray::Result<Tensor<1>> {
-        let inputs = images.clone().flatten::<2>(1, 3) * 2.0 - 1.0;
+        let inputs = images.clone().flatten::<2>(1, 3) * 2.0;
         let offsets = self.offsets.forward(tanh(self.hidden.forward(inputs)));
         let count = images.dims()[0] as i32;
         let bodies = bodies(offsets.reshape([count, -1, 3]) * 0.3)?;

@@ -73,7 +73,7 @@ pub struct Arguments {
     /// Random seed. The same seed gives the same image.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Device: flex, ndarray, wgpu or vulkan. Default: the value of BURN_DEVICE, or flex.
+    /// Device, by its name in `softray::device::named`: flex, ndarray, wgpu, vulkan, metal, cuda or rocm. Default: the value of BURN_DEVICE, or flex.
     #[arg(long)]
     device: Option<String>,
     /// Exposure of a .png in stops. Default: 0, or a value that shows the lit parts if the picture would be too

@@ -34,7 +34,7 @@ pub struct Arguments {
     /// Write about 20 pictures of the fit next to their targets, and an animation of them.
     #[arg(long)]
     pub pictures: bool,
-    /// Device: flex, ndarray, wgpu or vulkan. Default: the value of BURN_DEVICE, or flex.
+    /// Device, by its name in `softray::device::named`: flex, ndarray, wgpu, vulkan, metal, cuda or rocm. Default: the value of BURN_DEVICE, or flex.
     #[arg(long)]
     pub device: Option<String>,
     /// Folder for figures, histories and checkpoints.

@@ -114,7 +114,7 @@ fn names() -> String {
         some => format!(", or {some} in a program that is built with the feature of that name"),
     };
     format!(
-        "{}{missing}; of GPUs a kind or a number too, as in wgpu:cpu and cuda:1",
+        "{}{missing}; a GPU may have a kind or a number after a colon, as in wgpu:cpu and cuda:1",
         of(true)
     )
 }
@@ -173,7 +173,8 @@ pub(crate) fn runs_kernels(device: &Device) -> bool {
     !matches!(device, burn::cubecl::Device::Cpu(_))
 }
 
-/// Returns a device's name as in [`named`], or its debug text if it has none. Autodiff makes no difference.
+/// Returns a device's name as in [`named`], or its debug text if [`named`] does not take it. Autodiff makes no
+/// difference.
 pub(crate) fn label(device: &Device) -> String {
     #[cfg(feature = "gpu")]
     match device.clone().inner().as_dispatch() {
@@ -232,10 +233,16 @@ fn on_gpu(name: &str, kind: burn::tensor::DeviceKind, api: WgpuBackend) -> Resul
         Err(WgpuInitError::AdapterUnavailable { message, .. }) => {
             // The rest is a long description of all adapters.
             let found = message.split(", adapters [").next().unwrap_or_default();
+            let hint = match api {
+                WgpuBackend::Metal => "",
+                _ => {
+                    " `vulkaninfo --summary` lists those of Vulkan, VK_DRIVER_FILES names one, wgpu:cpu takes a \
+                     software driver;"
+                }
+            };
             let message = format!(
-                "no such adapter was found ({found}). Is its driver installed? `vulkaninfo --summary` lists those \
-                 of Vulkan, VK_DRIVER_FILES names one, wgpu:cpu takes a software driver; \"flex\" renders on the \
-                 CPU without one"
+                "no such adapter was found ({found}). Is its driver installed?{hint} \"flex\" renders on the CPU \
+                 without one"
             );
             Err(Error::device(name, message))
         }
@@ -281,10 +288,18 @@ fn gpu(kind: Option<&str>) -> Option<burn::tensor::DeviceKind> {
     }
 }
 
-/// The device of unit tests on GPUs: the one that `SOFTRAY_GPU` names, by default `wgpu`.
+/// The device of unit tests on GPUs: the one that `SOFTRAY_GPU` names, by default the first of the runtimes that are
+/// built in.
 #[cfg(all(test, feature = "gpu"))]
 pub(crate) fn of_tests() -> Device {
-    let name = std::env::var("SOFTRAY_GPU").unwrap_or_else(|_| "wgpu".to_owned());
+    let name = std::env::var("SOFTRAY_GPU").unwrap_or_else(|_| {
+        let built = [
+            ("wgpu", cfg!(feature = "wgpu")),
+            ("cuda", cfg!(feature = "cuda")),
+        ];
+        let first = built.iter().find(|b| b.1);
+        first.map_or("rocm", |b| b.0).to_owned()
+    });
     named(Some(&name)).expect("the device of the tests")
 }
 

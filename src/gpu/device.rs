@@ -58,8 +58,8 @@ impl List {
         unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length) }
     }
 
-    /// Returns the list by four numbers as an additional argument of a kernel, if the device allows one more buffer. In
-    /// WGSL, whose devices may have the fewest bindings, it is left out.
+    /// Returns the list by four numbers as an additional argument of a kernel, if the device allows one more buffer. It
+    /// is left out but for SPIR-V: WGSL's devices may have the fewest bindings, and no test runs on the others.
     #[allow(unsafe_code)]
     pub fn fours(&self, client: &Client) -> Option<BufferArg> {
         let spare = client.properties().hardware.max_bindings > LISTS;

@@ -96,8 +96,8 @@ impl RenderOptions {
             return wrong("samples", &self.samples, expected);
         }
         if let Some(limit) = self.indirect_clamp {
-            if !(limit.is_finite() && limit > 0.0) {
-                return wrong("indirect_clamp", &limit, "a finite radiance above 0");
+            if !(1e-30..=1e30).contains(&limit) {
+                return wrong("indirect_clamp", &limit, "a radiance from 1e-30 to 1e30");
             }
             if self.visibility.is_softmax() {
                 return wrong("indirect_clamp", &limit, "none with the softmax");

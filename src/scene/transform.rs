@@ -95,12 +95,12 @@ impl Transform {
 
     /// Sets the rotation by an angle `[1]` in degrees about an axis of any length but 0.
     pub fn with_axis_angle(mut self, axis: [f64; 3], degrees: Tensor<1>) -> Self {
-        if !self.has_length("axis_angle with an angle", &degrees, &[1]) {
+        if !self.has_length("with_axis_angle of an angle", &degrees, &[1]) {
             return self;
         }
         let Some(axis) = glam::DVec3::from_array(axis).try_normalize() else {
             self.mistake = Some(Mistake::new(
-                format!("axis_angle about {axis:?}"),
+                format!("with_axis_angle about {axis:?}"),
                 "a direction",
             ));
             return self;
@@ -119,7 +119,7 @@ impl Transform {
     /// They are made orthonormal here (Zhou et al. 2019). This form is continuous over all rotations, which suits
     /// networks.
     pub fn with_six_d(mut self, columns: Tensor<1>) -> Self {
-        if !self.has_length("six_d with columns", &columns, &[6]) {
+        if !self.has_length("with_six_d of columns", &columns, &[6]) {
             return self;
         }
         let unit = |v: Tensor<1>| v.clone() / (v.clone() * v).sum().sqrt();

@@ -241,8 +241,11 @@ impl<'a> Tracing<'a> {
         if let Some(limit) = limit.filter(|_| bounce > 0) {
             let Vec3 { x, y, z } = &contribution.light;
             let largest = x.clone().max_pair(y.clone()).max_pair(z.clone());
-            let scale = largest.clamp_min(limit).recip() * limit;
-            contribution.light = contribution.light.scale(&scale);
+            // Exactly 1 for light within the limit. Light that overflows would become NaN.
+            let most = f64::from(f32::MAX);
+            let scale = (largest.clamp(limit, most) / limit).recip();
+            let [x, y, z] = [x, y, z].map(|c| c.clone().clamp_max(most));
+            contribution.light = Vec3 { x, y, z }.scale(&scale);
         }
         self.contributions.push(contribution);
     }

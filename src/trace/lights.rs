@@ -10,7 +10,7 @@ use super::texture::{sky, sky_backward};
 pub(crate) use crate::model::connection::Arrived;
 use crate::model::connection::Target;
 use crate::model::emitter::LightPoint;
-use crate::model::{V2, V3, v2, v3};
+use crate::model::{V2, V3, splat, v2, v3};
 use crate::sampling::{Chosen, EmitterLists, EmitterTriangle, Fixed, LightTree, Receiver};
 
 /// Returns the lists of emitters of a scene.
@@ -167,7 +167,8 @@ pub(crate) fn limited(scene: &Scene, light: V3, bounce: u32) -> V3 {
         let largest = light.max_element();
         let limit = scene.settings[CLAMP];
         if bounce > 0 && largest > limit {
-            limited = light * (limit / largest);
+            // Light that overflows would become NaN.
+            limited = light.min(splat(f32::MAX)) * (limit / largest.min(f32::MAX));
         }
     }
     limited
