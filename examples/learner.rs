@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use burn::data::dataloader::{DataLoaderBuilder, batcher::Batcher};
 use burn::data::dataset::{DatasetError, InMemDataset};
 use burn::lr_scheduler::cosine::CosineAnnealingLrSchedulerConfig as Cosine;
-use burn::lr_scheduler::module_lr_scheduler::ModuleLearningRate as Rate;
+use burn::lr_scheduler::module_lr_scheduler::ModuleLearningRate;
 use burn::module::{Module, Param, ParamId};
 use burn::nn::{Linear, LinearConfig};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
@@ -93,7 +93,12 @@ impl TrainStep for Predictor {
         }
     }
 
-    fn optimize(mut self, adam: &mut ModuleOptimizer, rate: Rate, by: GradientsParams) -> Self {
+    fn optimize(
+        mut self,
+        adam: &mut ModuleOptimizer,
+        rate: ModuleLearningRate,
+        by: GradientsParams,
+    ) -> Self {
         self.steps = self.steps.map(|steps| steps + 1);
         adam.step(rate, self, by)
     }

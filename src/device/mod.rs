@@ -86,7 +86,8 @@ fn parse(field: &str, name: &str) -> Result<Device> {
                 field,
                 format!("{name:?}"),
                 format!(
-                    "a backend that was built in; build with `--features {backend}` for this one"
+                    "a backend that was built in; build with `--features {backend}` for this one, or in another \
+                     crate with `softray = {{ …, features = [\"{backend}\"] }}` in Cargo.toml"
                 ),
             ))
         }

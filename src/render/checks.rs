@@ -105,10 +105,12 @@ impl RenderOptions {
         }
         if let Some((index, passes)) = self.pass {
             let value = format!("{index} of {passes}");
-            if index >= passes || !self.samples.is_multiple_of(passes) {
-                let expected =
-                    "less than the number of passes, which divides the number of samples";
-                return wrong("pass", &value, expected);
+            if index >= passes {
+                return wrong("pass", &value, "less than the number of passes");
+            }
+            if !self.samples.is_multiple_of(passes) {
+                let expected = format!("a multiple of the {passes} passes");
+                return wrong("samples", &self.samples, &expected);
             }
             if self.adaptive || self.visibility.is_softmax() || self.engine == Engine::Tensors {
                 let expected = "none with adaptive sampling, the softmax or Engine::Tensors";

@@ -116,7 +116,7 @@ fn check_sum(name: &str, diffuse: &ColorTexture, specular: &ColorTexture) -> Res
         (false, _) => "specular",
         _ => "diffuse + specular",
     };
-    let expected = "at most 1, or energy is made";
+    let expected = "at most 1: divide 8-bit colors by 255, and convert them from sRGB";
     Err(Error::invalid(name, field, format!("{sum:?}"), expected))
 }
 

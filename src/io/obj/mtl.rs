@@ -107,7 +107,11 @@ impl<'a> Library<'a> {
         }
         if !unread.is_empty() {
             let list = unread.join(", ");
-            warning!("{}: these entries are not read: {list}", path.display());
+            warning!(
+                "{}: these entries are not read: {list}. Metal and glass come from glTF, or from the materials of a \
+                 scene.json",
+                path.display()
+            );
         }
         let parsed = tobj::load_mtl_buf(&mut sound.as_bytes());
         let (materials, _) = parsed.map_err(|e| Error::format(path, format!("materials: {e}")))?;

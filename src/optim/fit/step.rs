@@ -210,8 +210,8 @@ impl fmt::Display for Warning {
         match self {
             Self::Unused(parameters) => write!(
                 f,
-                "the loss does not depend on {}, which stay as they are: is what they are made from \
-                 on a device with autodiff?",
+                "no gradient reaches {}, which stay as they are: does the loss use them, and are they on \
+                 a device with autodiff?",
                 parameters.join(", ")
             ),
             Self::UnusedBlur => write!(
