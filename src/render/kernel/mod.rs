@@ -80,6 +80,7 @@ pub(super) fn render(
     };
     // Scenes without light have their own warning.
     if lit
+        && !options.quiet
         && pixels.is_none()
         && let Some(black) = traced.iter().position(|t| !t.lit)
     {
