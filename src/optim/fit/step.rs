@@ -205,6 +205,20 @@ pub enum Warning {
     NoLock(PathBuf),
 }
 
+impl Warning {
+    /// A word for the kind of the warning.
+    pub(super) fn kind(&self) -> &'static str {
+        match self {
+            Self::Unused(_) => "unused",
+            Self::UnusedBlur => "unused blur",
+            Self::Plateau { .. } => "plateau",
+            Self::EmptyGroup { .. } => "empty group",
+            Self::DamagedCheckpoint(_) => "damaged checkpoint",
+            Self::NoLock(_) => "no lock",
+        }
+    }
+}
+
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
