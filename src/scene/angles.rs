@@ -62,7 +62,7 @@ mod tests {
 
     #[test]
     fn narrow_fields_of_view_may_be_in_radians() {
-        for angle in [0.7, 1.0, 2.0] {
+        for angle in [0.7, 1.0, 2.0f64] {
             assert_eq!(narrow_in_radians(angle), Some(angle.to_degrees()));
         }
         // Too narrow or too wide in radians, and one that has the other warning.

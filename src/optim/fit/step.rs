@@ -27,8 +27,8 @@ pub struct Step {
 }
 
 impl Step {
-    /// Returns the blur of this step, in degrees, if the fit has a schedule for it ([`RenderOptions::with_blur`]). Only
-    /// renders that do not use [`Step::options`] need it.
+    /// Returns the blur of this step, if the fit has a schedule for it: in degrees for cones
+    /// ([`RenderOptions::with_blur`]), σ for the softmax. Only renders that do not use [`Step::options`] need it.
     pub fn blur(&self) -> Option<f64> {
         self.blurred.store(true, Ordering::Relaxed);
         self.blur
