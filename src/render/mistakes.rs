@@ -19,9 +19,11 @@ const NARROW: f64 = 10.0;
 /// The number of bounces of a path through a body of glass.
 const THROUGH_GLASS: u32 = 2;
 
-/// The largest number of emitting faces of an object whose direction is checked, and of faces of a scene that are compared
-/// with all of it.
+/// The largest number of emitting faces of an object whose direction is checked.
 const MAX_FACES: usize = 64;
+
+/// The largest number of emitting faces that are compared with all of a scene.
+const MAX_COMPARED: usize = 4 * MAX_FACES;
 
 /// The sum of a surface's face normals over its area, from which on it is open. It is 0 for a closed surface.
 const OPEN: f64 = 1e-3;
@@ -152,7 +154,7 @@ fn shines_away(
     });
     let corners: Vec<(usize, [f64; 3])> = corners.collect();
     // Most lamps face the same corner. Faces that do not are compared with all corners, so their number is limited.
-    let (mut last, mut left) = (0, MAX_FACES);
+    let (mut last, mut left) = (0, MAX_COMPARED);
     (0..boxes.len()).find(|&index| {
         let object = &scene.objects[index];
         let faces = (0..object.faces.len()).filter(|&f| shine[object.material_of(f)]);
