@@ -121,6 +121,7 @@ impl Goal {
             let mut options = step.options(&few, k);
             if let Some(visibility) = visibility {
                 options = options.with_visibility(visibility);
+                options.blur = None;
             }
             render(scene, &self.camera, &options)
         };

@@ -100,6 +100,8 @@ impl<'a> Materials<'a> {
         Ok(json)
     }
 
+    /// Warns of a part. Each caller has warnings of its own kind.
+    #[track_caller]
     fn warn(&self, place: &str, message: impl Display) {
         warning!("{}: {place} {message}", self.path.display());
     }

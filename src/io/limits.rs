@@ -199,10 +199,18 @@ impl LoadLimits {
     }
 }
 
-/// Returns an absolute path without `.` and `..`, judged by names alone.
+/// Returns an absolute path without `.` and `..`, judged by names alone. On Windows, paths that the file system returned
+/// and paths in files then have the same prefix.
 fn absolute(path: &Path) -> Option<PathBuf> {
+    let mut whole = std::path::absolute(path).ok()?;
+    if cfg!(windows) {
+        whole = match whole.to_str() {
+            Some(text) => without_verbatim(text).into(),
+            None => whole,
+        };
+    }
     let mut plain = PathBuf::new();
-    for part in std::path::absolute(path).ok()?.components() {
+    for part in whole.components() {
         match part {
             Component::CurDir => {}
             Component::ParentDir => drop(plain.pop()),
@@ -210,6 +218,21 @@ fn absolute(path: &Path) -> Option<PathBuf> {
         }
     }
     Some(plain)
+}
+
+/// Returns a Windows path without the verbatim prefix that `canonicalize` gives it: `D:\x` for `\\?\D:\x`, and
+/// `\\machine\share` for `\\?\UNC\machine\share`. Other paths stay.
+fn without_verbatim(path: &str) -> String {
+    let Some(rest) = path.strip_prefix(r"\\?\") else {
+        return path.to_owned();
+    };
+    if let Some(share) = rest.strip_prefix(r"UNC\") {
+        return format!(r"\\{share}");
+    }
+    match rest.as_bytes() {
+        [letter, b':', ..] if letter.is_ascii_alphabetic() => rest.to_owned(),
+        _ => path.to_owned(),
+    }
 }
 
 /// Opens a regular file, and returns it with its length in bytes.
@@ -282,4 +305,25 @@ pub(super) fn parse_json<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Resu
     })?;
     json.end().map_err(|e| Error::format(path, e.to_string()))?;
     Ok(parsed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verbatim_prefixes_are_removed() {
+        for (path, expected) in [
+            (r"\\?\D:\scenes\a.obj", r"D:\scenes\a.obj"),
+            (r"\\?\UNC\machine\share\a.obj", r"\\machine\share\a.obj"),
+            (r"D:\scenes", r"D:\scenes"),
+            (r"\\machine\share", r"\\machine\share"),
+            // Devices and volumes have no other name.
+            (r"\\.\pipe\a", r"\\.\pipe\a"),
+            (r"\\?\Volume{0}\a", r"\\?\Volume{0}\a"),
+            ("/scenes/a.obj", "/scenes/a.obj"),
+        ] {
+            assert_eq!(without_verbatim(path), expected);
+        }
+    }
 }

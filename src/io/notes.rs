@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::LoadLimits;
 use crate::error::{Error, Result};
-use crate::warnings::warning;
+use crate::warnings::warn;
 
 /// The most names that [`Notes::add`] lists in a warning.
 const MAX_NAMES: usize = 5;
@@ -53,7 +53,8 @@ impl Notes {
                 more => format!(" and {more} more"),
             };
             let names: Vec<&str> = names.iter().map(String::as_str).collect();
-            warning!("{}: {sentence}: {}{more}", path.display(), names.join(", "));
+            let (path, names) = (path.display(), names.join(", "));
+            warn(sentence, format_args!("{path}: {sentence}: {names}{more}"));
         }
     }
 }

@@ -5,7 +5,7 @@ use burn::tensor::{Device, Tensor};
 
 use super::values::{leaf, logit, positive};
 use crate::error::{Error, Result};
-use crate::scene::{Camera, Parameter, Projection, Range};
+use crate::scene::{Camera, Parameter, Projection, Range, warn_of_narrow_view};
 
 /// The bounds of the vertical field of view, degrees.
 const FOV: [f64; 2] = [1.0, 170.0];
@@ -46,6 +46,7 @@ impl CameraParamsConfig {
     /// If a value is out of its range, `eye` and `target` are the same, or `up` is along the view axis.
     pub fn init(&self, device: &Device) -> Result<CameraParams> {
         Range::Degrees(1, 170).check("camera", "fov_y", &[self.fov_y])?;
+        warn_of_narrow_view("fov_y of camera parameters", self.fov_y);
         Camera::look_at(self.eye, self.target)
             .with_up(self.up)
             .check(None)?;

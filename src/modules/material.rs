@@ -43,7 +43,8 @@ pub struct MaterialParamsConfig {
 
 impl MaterialParamsConfig {
     /// Creates the parameters, in the device's default float type. The diffuse, the specular and the absorbed share
-    /// start at about 1e-3 at least, and an emission at 1e-3.
+    /// start at about 1e-3 at least, and an emission at 1e-3. The roughness and the share of metal start within
+    /// [1e-3, 1 − 1e-3].
     ///
     /// # Errors
     /// If a value is out of its range, or k_d + k_s is more than 1.

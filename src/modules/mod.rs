@@ -14,9 +14,10 @@
 //!   [`Renderer::forward`], [`RenderLoss::forward`]. A part without an input has methods that are named for what they
 //!   return ([`MeshParams::mesh`], [`EnvironmentParams::texels`] and [`EnvironmentParams::environment`]), because
 //!   `forward()` would not say what it returns, and some parts have two outputs.
-//! - **Names of parameters**: `logit_x` is the logit ln(x/(1 − x)) of x (of shares, the softmax), and `log_x` is ln x.
-//!   A value with a range is stored in one of these forms, so no step of an optimizer leaves the range. Other names
-//!   are values themselves. The names are the format of files.
+//! - **Names of parameters**: `logit_x` is the logit ln(x/(1 − x)) of x, or of x mapped from its range to (0, 1) (of
+//!   shares, the softmax). `log_x` is ln x, or ln of x less the end of its range. The documentation of each field says
+//!   which. A value with a range is stored in one of these forms, so no step of an optimizer leaves the range. Other
+//!   names are values themselves. The names are the format of files.
 //!
 //! The modules behave like burn's own. On a device with autodiff their parameters are trained. On a device
 //! without autodiff they are trained after a call of `.train()`. The modules can be fields of another module,

@@ -21,15 +21,15 @@ const KEY: &str = "softray_format";
 /// The version of the parameters' names that this crate writes. It rises when a name changes, with a row in
 /// [`RENAMED`].
 const FORMAT: u32 = 1;
-/// Names of parameters in files without a version, and today's names.
-const RENAMED: [(&str, &str); 7] = [
-    ("fov", "logit_fov"),
-    ("logits", "logit_texels"),
-    ("logs", "log_radiance"),
-    ("shares", "logit_shares"),
-    ("roughness", "logit_roughness"),
-    ("metallic", "logit_metallic"),
-    ("log_index", "log_eta and log_extinction, or log_contrast"),
+/// Names of parameters in files without a version, and today's names, of which a module has some.
+const RENAMED: [(&str, &[&str]); 7] = [
+    ("fov", &["logit_fov"]),
+    ("logits", &["logit_texels"]),
+    ("logs", &["log_radiance"]),
+    ("shares", &["logit_shares"]),
+    ("roughness", &["logit_roughness"]),
+    ("metallic", &["logit_metallic"]),
+    ("log_index", &["log_eta", "log_extinction", "log_contrast"]),
 ];
 /// The largest header of a safetensors file, bytes.
 const LARGEST_HEADER: u64 = 100_000_000;
@@ -117,7 +117,9 @@ pub fn load_safetensors<M: Module>(module: M, path: impl AsRef<Path>) -> Result<
         Some(error) => return Err(Error::format(path, error.to_string())),
         None => {}
     }
-    let earlier: Vec<String> = applied.unused.iter().filter_map(|n| renamed(n)).collect();
+    let misses = |name: &str| applied.missing.iter().any(|(missing, _)| missing == name);
+    let earlier = applied.unused.iter().filter_map(|n| renamed(n, misses));
+    let earlier: Vec<String> = earlier.collect();
     if !versioned && !earlier.is_empty() {
         let found = format!("absent, with earlier names: {}", earlier.join("; "));
         return wrong(KEY, found, format!("{FORMAT} and today's names"));
@@ -139,11 +141,14 @@ pub fn load_safetensors<M: Module>(module: M, path: impl AsRef<Path>) -> Result<
     Ok(module)
 }
 
-/// Returns an earlier name of a parameter with today's name.
-fn renamed(path: &str) -> Option<String> {
-    let name = path.rsplit('.').next();
-    let (_, now) = RENAMED.iter().find(|(then, _)| Some(*then) == name)?;
-    Some(format!("{path}, now {now}"))
+/// Returns an earlier name of a parameter with today's names, if the module misses one of these beside it. Otherwise the
+/// name may be one of another program.
+fn renamed(path: &str, misses: impl Fn(&str) -> bool) -> Option<String> {
+    let (module, name) = path.split_at(path.rfind('.').map_or(0, |dot| dot + 1));
+    let (_, now) = RENAMED.iter().find(|(then, _)| *then == name)?;
+    let missed = now.iter().filter(|now| misses(&format!("{module}{now}")));
+    let missed: Vec<&str> = missed.copied().collect();
+    (!missed.is_empty()).then(|| format!("{path}, now {}", missed.join(" and ")))
 }
 
 /// Checks that a file's version is not newer than this crate's. Returns whether the file has one.

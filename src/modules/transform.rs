@@ -4,9 +4,10 @@ use burn::tensor::{Device, Tensor};
 
 use super::values::{leaf, positive, set};
 use crate::error::{Error, Result};
-use crate::scene::{Mesh, Range, Transform};
+use crate::scene::{Mesh, Parameter, Range, Transform, warn_of_radians};
 
 const OBJECT: &str = "rigid transform";
+const ANGLE: &str = "the angle of a rigid transform";
 
 /// The parameterization of a rotation.
 #[derive(Config, Debug, Copy, PartialEq, Eq)]
@@ -93,6 +94,7 @@ impl RigidTransform {
     /// If the axis is 0, or a number is not finite.
     pub fn with_axis_angle(self, axis: [f64; 3], degrees: f64) -> Result<Self> {
         Range::Finite.check(OBJECT, "angle", &[degrees])?;
+        warn_of_radians(ANGLE, &Parameter::Constant([degrees]));
         let Some(axis) = glam::DVec3::from_array(axis).try_normalize() else {
             let found = format!("{axis:?}");
             return Err(Error::invalid(OBJECT, "axis", found, "a direction"));
@@ -106,6 +108,9 @@ impl RigidTransform {
     /// If an angle is not finite.
     pub fn with_euler(self, degrees: [f64; 3]) -> Result<Self> {
         Range::Finite.check(OBJECT, "angles", &degrees)?;
+        for angle in degrees {
+            warn_of_radians(ANGLE, &Parameter::Constant([angle]));
+        }
         let [x, y, z] = degrees.map(f64::to_radians);
         let rotation = glam::DQuat::from_euler(glam::EulerRot::ZYX, z, y, x);
         Ok(self.rotated(rotation))

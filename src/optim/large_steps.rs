@@ -101,7 +101,8 @@ impl LargeStepsConfig {
 /// `ModuleOptimizer::with_group`; [`Fit::with_rate_of`](super::Fit::with_rate_of) has an example.
 ///
 /// # Panics
-/// A step panics if a parameter has the shape `[W, 3]` of vertices, where W is more than 3 and not V.
+/// A step panics if a parameter has the shape `[W, 3]` of vertices, where W is more than 3 and not V; also a weight matrix
+/// of this shape.
 ///
 /// The optimizer runs on the host in f64. It solves with the matrix by conjugate gradients to a relative
 /// residual of 1e-10, and logs a warning if they do not converge. It skips a step, with a warning, if the

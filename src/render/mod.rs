@@ -153,7 +153,9 @@ fn render_views(
     };
     let all = size[0] as u128 * size[1] as u128 * batch.views.len() as u128;
     options.check_memory(all)?;
-    mistakes::warn_of_settings(batch, options);
+    if !options.quiet {
+        mistakes::warn_of_settings(batch, options);
+    }
     let is_softmax = options.visibility.is_softmax();
     let refracts = batch.scenes.iter().any(Scene::refracts);
     let glows = |s: &Scene| {

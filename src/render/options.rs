@@ -97,6 +97,9 @@ pub struct RenderOptions {
     pub(super) cache: Option<HierarchyCache>,
     #[serde(skip)]
     pub(super) progress: Progress,
+    /// Whether likely mistakes cause no warnings.
+    #[serde(skip)]
+    pub(super) quiet: bool,
     /// See [`RenderOptions::with_memory_limit`].
     pub memory_limit: u64,
 }
@@ -159,6 +162,7 @@ impl RenderOptions {
             statistics: false,
             cache: None,
             progress: Progress::default(),
+            quiet: false,
             memory_limit: 4 << 30,
         }
     }
@@ -189,8 +193,9 @@ impl RenderOptions {
         /// until its largest component is at most `radiance`. The hue stays. The first visible surface and its direct
         /// light are not limited. Off by default.
         ///
-        /// The image becomes darker where light is limited, mostly in caustics and mirror images of lamps. A limit of
-        /// several times the brightness of the image costs little light. Gradients and the softmax return an error.
+        /// The image becomes darker where light is limited: mostly caustics, and lamps seen through glass or by two
+        /// mirrors, become darker. A limit of several times the brightness of the image costs little light. Gradients and
+        /// the softmax return an error.
         with_indirect_clamp(radiance: f64) indirect_clamp = Some(radiance);
         /// Enables adaptive sampling: each pixel has between ¼ and 16 times [`samples`](Self::samples) paths. Off by
         /// default.
@@ -276,10 +281,11 @@ impl RenderOptions {
     }
 
     /// Sets the form of visibility: hard surfaces with cones of rays ([`Visibility::cone`]), or the paper's softmax
-    /// ([`Visibility::softmax`], [`SoftmaxOptions`](super::SoftmaxOptions)). It resets [`RenderOptions::with_blur`].
+    /// ([`Visibility::softmax`], [`SoftmaxOptions`](super::SoftmaxOptions)). A blur ([`RenderOptions::with_blur`]) stays,
+    /// in whichever order both are set: it replaces the angle of the cones, and with the softmax a render returns an
+    /// error.
     pub fn with_visibility(mut self, visibility: impl Into<Visibility>) -> Self {
         self.visibility = visibility.into();
-        self.blur = None;
         self
     }
 
@@ -289,6 +295,12 @@ impl RenderOptions {
         let seed = self.seed;
         self.clone()
             .with_seed(seed.wrapping_add((index as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)))
+    }
+
+    /// Leaves out warnings of likely mistakes: for renders that the user did not ask for.
+    pub(crate) fn quietly(mut self) -> Self {
+        self.quiet = true;
+        self
     }
 
     /// Sets the normalization to use if no bounds are set.

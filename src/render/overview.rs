@@ -1,12 +1,10 @@
 //! Chooses a camera for a scene.
 
-use std::sync::Arc;
-
 use glam::DVec3;
 
 use super::batch::Batch;
 use super::options::RenderOptions;
-use super::render_views;
+use super::render_batch;
 use crate::error::Result;
 use crate::geometry::host_values;
 use crate::scene::{Camera, Detach, Framing, Scene, visit_scene};
@@ -86,12 +84,11 @@ fn shown(scene: &Scene, cameras: &[Camera]) -> Result<Vec<f64>> {
     let options = RenderOptions::new(GRID, GRID)
         .with_samples(4)
         .with_bounces(2)
-        .with_opacity();
+        .with_opacity()
+        .quietly();
     // One batch packs the scene once.
     let batch = Batch::product(vec![scene.clone()], cameras)?;
-    // With a list of pixels, a black image logs no warning.
-    let pixels = Arc::new((0..(GRID * GRID) as u32).collect());
-    let images = render_views(&batch, &options, Some(pixels))?;
+    let images = render_batch(&batch, &options)?;
     let radiance = host_values(&images.radiance)?;
     let opacity = match &images.opacity {
         Some(planes) => host_values(planes)?,

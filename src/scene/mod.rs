@@ -32,7 +32,7 @@ mod transform;
 mod viewpoint;
 mod wrap;
 
-pub(crate) use angles::warn_of_radians;
+pub(crate) use angles::{narrow_in_radians, warn_of_narrow_view, warn_of_radians};
 pub use bounds::Bounds;
 pub use bsdf::Bsdf;
 pub(crate) use bsdf::{BsdfKind, CHANNELS, Channel, MAX_IOR, MAX_METAL_IOR, MIN_CONTRAST, MIN_IOR};

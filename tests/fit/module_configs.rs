@@ -62,9 +62,10 @@ fn renderers_and_configurations() {
     );
     fails(options.clone().with_samples(0), "samples is 0");
     fails(RenderOptions::new(0, 6), "width is 0");
-    let mut blurred = options.clone().with_visibility(Visibility::cone(0.0));
-    blurred.blur = Some(70.0);
-    fails(blurred, "blur angle is 70");
+    // A blur stays, whichever is set first.
+    let blurred = |form: Visibility| options.clone().with_blur(70.0).with_visibility(form);
+    fails(blurred(Visibility::cone(0.0)), "blur angle is 70");
+    fails(blurred(softmax), "blur is 70");
     let few =
         r#"{"width": 4, "height": 4, "visibility": {"Softmax": {"sigma": 0.1, "gamma": 0.2}}}"#;
     let few: RenderOptions = serde_json::from_str(few).expect("options");

@@ -225,6 +225,27 @@ fn names_have_a_version() {
         "surface.shares, now logit_shares",
     ];
     says(&error, parts);
+
+    // The name is another program's where no new name is missing beside it.
+    #[derive(Module, Debug)]
+    struct Network {
+        surface: MaterialParams,
+        head: Logits,
+    }
+    #[derive(Module, Debug)]
+    struct Logits {
+        logits: Param<Tensor<1>>,
+    }
+    let network = Network {
+        surface: today().surface,
+        head: Logits {
+            logits: Param::from_tensor(Tensor::zeros([2], &device)),
+        },
+    };
+    let mut store = SafetensorsStore::from_file(&file).overwrite(true);
+    network.save_into(&mut store).expect("a file");
+    let error = load_safetensors(today(), &file).expect_err("one more parameter");
+    says(&error, ["head.logits is in the file alone"]);
 }
 
 /// Saving replaces the file, and leaves nothing beside it.

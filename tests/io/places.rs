@@ -41,6 +41,15 @@ fn messages_say_who_names_a_missing_file() {
         ["wood.png", "named by", "b.glb, images[0].uri"],
     );
 
+    // A buffer, and one that is too large.
+    let path = folder.write("c.gltf", Gltf::square().gltf("square.bin"));
+    let named_by = "c.gltf, buffers[0].uri";
+    says(load(&path), ["square.bin: No such file", named_by]);
+    folder.write("square.bin", vec![0; 1 << 16]);
+    let small = strict.with_text_bytes(1 << 15);
+    let error = message(Scene::load_within(&path, &flex(), &small));
+    says(error, ["square.bin", "more than 32768 bytes", named_by]);
+
     let load = |rest: &str| {
         let path = folder.write("s.json", scene_file(rest));
         message(SceneFile::load(path, &flex()))

@@ -42,7 +42,10 @@ pub(super) fn load(document: &Document, binary: Option<Bytes>) -> Result<(Vec<By
                     match files.get(&key) {
                         Some(read) => read.clone(),
                         None => {
-                            let read = Bytes::from(read_bytes(&file, document.limits)?);
+                            let read = read_bytes(&file, document.limits).map_err(|e| {
+                                e.named_by(&format!("{}, {place}.uri", document.path.display()))
+                            });
+                            let read = Bytes::from(read?);
                             files.insert(key, read.clone());
                             read
                         }

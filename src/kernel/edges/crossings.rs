@@ -10,7 +10,7 @@ use crate::model::V3;
 use crate::model::edge::TOUCHING;
 use crate::model::triangle::Triangle;
 use crate::trace::NONE;
-use crate::warnings::warning;
+use crate::warnings::warning_once;
 
 /// The shutter times at which moving objects are tested.
 const TIMES: [f32; 5] = [0.5, 0.0, 1.0, 0.25, 0.75];
@@ -92,7 +92,7 @@ pub(super) fn find(scene: &KernelScene) -> Vec<Edge> {
     let chunks = (0..overlaps.leaves().div_ceil(LEAVES)).into_par_iter();
     let found: Vec<(Vec<Edge>, bool)> = chunks.map_init(Vec::new, of_chunk).collect();
     if !found.iter().all(|f| f.1) {
-        warning!(
+        warning_once!(
             "very many triangles are in one place: not all lines in which they pass through each other \
              are found, gradients lack the jumps there"
         );

@@ -15,7 +15,7 @@ pub struct Row {
     pub gradient_norm: f64,
     /// The learning rate.
     pub rate: f64,
-    /// The blur in degrees, if the fit has a blur schedule.
+    /// The blur, if the fit has a blur schedule: in degrees for cones, σ for the softmax.
     pub blur: Option<f64>,
     /// Seconds of the fit so far. Time that a killed run spent after its last checkpoint does not count.
     pub seconds: f64,

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Stop, Warning};
-use crate::warnings::warning;
+use crate::warnings::warn;
 
 /// The least time between lines.
 const PAUSE: Duration = Duration::from_secs(10);
@@ -112,7 +112,7 @@ impl Progress {
 
     /// Stores and logs a warning.
     pub fn warn(&mut self, warning: Warning) {
-        let log = || warning!("fit: {warning}");
+        let log = || warn(warning.kind(), format_args!("fit: {warning}"));
         match &self.shown {
             // A line on the same terminal appears above the bar.
             Shown::Bar(bar) => bar.suspend(log),

@@ -98,7 +98,7 @@ pub(super) fn check_settings(checkpoint: &str, there: &str, now: &str) -> Result
         "fit",
         &format!("settings of the checkpoint {checkpoint}"),
         format!("those of another fit ({named})"),
-        "the same settings; take them, another folder, or Fit::with_restart",
+        "the same: use these settings, use another folder, or start anew with Fit::with_restart(true)",
     )
 }
 

@@ -27,8 +27,8 @@ pub struct Step {
 }
 
 impl Step {
-    /// Returns the blur of this step, in degrees, if the fit has a schedule for it ([`RenderOptions::with_blur`]). Only
-    /// renders that do not use [`Step::options`] need it.
+    /// Returns the blur of this step, if the fit has a schedule for it: in degrees for cones
+    /// ([`RenderOptions::with_blur`]), σ for the softmax. Only renders that do not use [`Step::options`] need it.
     pub fn blur(&self) -> Option<f64> {
         self.blurred.store(true, Ordering::Relaxed);
         self.blur
@@ -203,6 +203,20 @@ pub enum Warning {
     DamagedCheckpoint(String),
     /// The file system does not support locks, so another process could fit in the same folder.
     NoLock(PathBuf),
+}
+
+impl Warning {
+    /// A word for the kind of the warning.
+    pub(super) fn kind(&self) -> &'static str {
+        match self {
+            Self::Unused(_) => "unused",
+            Self::UnusedBlur => "unused blur",
+            Self::Plateau { .. } => "plateau",
+            Self::EmptyGroup { .. } => "empty group",
+            Self::DamagedCheckpoint(_) => "damaged checkpoint",
+            Self::NoLock(_) => "no lock",
+        }
+    }
 }
 
 impl fmt::Display for Warning {

@@ -95,7 +95,8 @@ impl View {
             .with_samples(1)
             .with_bounces(0)
             .with_opacity()
-            .with_depth();
+            .with_depth()
+            .quietly();
         let image = render(&scene, &camera, &options)?;
         let values = |plane: Option<Tensor<2>>| plane.map_or(Ok(Vec::new()), |p| host_values(&p));
         let (opacity, depth) = (values(image.opacity)?, values(image.depth)?);

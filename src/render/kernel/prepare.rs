@@ -132,7 +132,7 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     let (mut hosts, cameras) = stage("read and check", || read(batch, &last))?;
     let context = hosts[0].context.clone();
     let lit = hosts.iter().all(HostScene::has_light);
-    if interior {
+    if interior && !options.quiet {
         warn_of_views(batch, &hosts, &cameras, options);
     }
     let last = last.scenes(hosts.len());
