@@ -14,7 +14,7 @@ use super::transfer::{Constants, Transfer};
 use super::{Bounds, CornerAttribute, Holes, Parameter, Scene};
 use crate::error::Result;
 use crate::geometry::{Context, host_values};
-use crate::warnings::warning_once;
+use crate::warnings::warning;
 
 /// A scene on the host.
 pub(crate) struct HostScene {
@@ -162,12 +162,12 @@ impl HostScene {
             shines: scene.environment.shines(),
         };
         if !this.has_area() {
-            warning_once!(
+            warning!(
                 "none of the scene's triangles has an area, so that nothing of it is seen: are their corners at one \
                  place or in a line?"
             );
         } else if !this.has_light() {
-            warning_once!(
+            warning!(
                 "the scene has no light, so that its image is black: give it an environment \
                  (Scene::with_environment), a Light (Scene::with_light), or an object a Material::emitter"
             );

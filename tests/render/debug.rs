@@ -123,7 +123,7 @@ fn modules_show_their_parameters() {
     let camera = camera.init(&device).expect("a camera").freeze_eye();
     let shown = format!("{camera:?}");
     let start = "CameraParams { eye: [0.0, 0.0, 4.0], aim.Target: [0.0, 0.0, 0.0] in the graph, up: \
-                 [0.0, 1.0, 0.0], fov: ";
+                 [0.0, 1.0, 0.0], logit_fov: ";
     assert!(shown.starts_with(start), "{shown}");
 }
 

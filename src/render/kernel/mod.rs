@@ -20,7 +20,7 @@ use crate::geometry::Context;
 use crate::kernel::View;
 use crate::scene::{Camera, Scene};
 use crate::tensors::Diagnostics;
-use crate::warnings::warning_once;
+use crate::warnings::warning;
 use backward::Backward;
 use prepare::{Places, Prepared, prepare};
 use rows::Rows;
@@ -84,7 +84,7 @@ pub(super) fn render(
         && pixels.is_none()
         && let Some(black) = traced.iter().position(|t| !t.lit)
     {
-        warning_once!(
+        warning!(
             "the image of view {black} is black though its scene has light: does the camera look at \
              something lit? Emitters shine from their front alone, and a closed object hides what is \
              inside of it"
