@@ -48,7 +48,7 @@ impl Scene {
     ///   `room_wood_diffuse.png`, where `wood` is a material. Numbers read back to the same floats. Every object is
     ///   an `o`; names that are taken get a number. A texture is a PNG file where 8 bits of sRGB hold all of its texels
     ///   exactly, as those of one that was read from such a file, and an EXR file otherwise. Textures that clamp have
-    ///   `-clamp on`; [`Wrap::Mirror`] is written as repetition.
+    ///   `-clamp on`; `Wrap::Mirror` is written as repetition.
     /// - `.glb`, or `.gltf` with a `.bin` beside it: every object is a node with a mesh in f32, every light one of
     ///   KHR_lights_punctual. Metal and roughness are glTF's own, a dielectric is KHR_materials_transmission with ior
     ///   and volume, Lambert's law KHR_materials_specular with a factor of 0, and emission above 1
