@@ -114,7 +114,7 @@ fn configurations_in_files() {
     let mirrored = pose.with_scale(Some(-1.0));
     says(message(mirrored.init(&device)), ["scale is -1"]);
     let bright = material.with_diffuse([0.9; 3]);
-    says(message(bright.init(&device)), ["energy"]);
+    says(message(bright.init(&device)), ["at most 1"]);
     says(message(loss.clone().with_levels(0).init()), ["levels"]);
     says(
         message(loss.clone().with_dssim(-1.0).init()),

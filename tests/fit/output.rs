@@ -153,7 +153,7 @@ fn warnings_are_returned() {
     assert!(
         found.warnings[0]
             .to_string()
-            .contains("does not depend on b.at")
+            .contains("no gradient reaches b.at")
     );
     assert_eq!(
         fit(point(&tracked()), 3).run(bowl).expect("a fit").warnings,
@@ -184,7 +184,7 @@ fn without_a_terminal_there_are_lines() {
     let lines: Vec<&str> = text.lines().filter(|l| l.contains("fit: ")).collect();
     assert_eq!(lines.len(), 4, "{text}");
     assert!(
-        lines[0].contains("warning: fit: the loss does not depend on b.at"),
+        lines[0].contains("warning: fit: no gradient reaches b.at"),
         "{text}"
     );
     assert!(
