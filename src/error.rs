@@ -7,6 +7,15 @@ use burn::tensor::TensorReadError;
 /// An error of a scene, a file or a render.
 ///
 /// `{:?}` shows the same text as `{}`, so a `main` that returns the error prints a sentence.
+///
+/// ```
+/// use softray::prelude::*;
+/// let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]);
+/// let empty = render(&Scene::new(), &camera, &RenderOptions::new(8, 8));
+/// let error = empty.err().expect("an error");
+/// assert!(matches!(error, softray::Error::NoTriangles { objects: 0, .. }));
+/// println!("{error}");
+/// ```
 #[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

@@ -11,6 +11,8 @@ use super::is_cpu;
 /// Counts of this crate's work on GPUs since the program started, for profiling.
 ///
 /// The difference of two values is the work in between. burn's own launches and the user's read-backs are not included.
+///
+/// [`work()`] has an example.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     /// The number of kernel launches.
@@ -48,6 +50,14 @@ impl Sub for Work {
 }
 
 /// Returns the counts of this crate's work on GPUs so far.
+///
+/// ```
+/// use softray::device::work;
+/// let before = work();
+/// // Renders and backward passes …
+/// let during = work() - before;
+/// println!("{} launches, {} bytes read back", during.launches, during.read_bytes);
+/// ```
 pub fn work() -> Work {
     *lock()
 }
@@ -100,6 +110,8 @@ pub(crate) fn count_read_back(device: &Device, numbers: usize) {
 }
 
 /// A stage of a render or of its backward pass: a kernel, timed until the device has finished it, or work on the host.
+///
+/// [`stages_of`] has an example.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stage {
     /// The name of the kernel or of the host's work.

@@ -12,6 +12,16 @@ const GRAY: [f64; 3] = [128.0, 128.0, 128.0];
 
 /// A diverging color map of signed numbers: white at 0, blue below, red above, darkest from ±scale on. Numbers that are
 /// not finite are gray.
+///
+/// ```
+/// use softray::figure::{Diverging, Panel};
+/// // Two panels with the same scale.
+/// let colors = Diverging::new(0.5)?;
+/// let before = Panel::signed("before", 2, 1, vec![-0.4, 0.2]).with_colors(colors);
+/// let after = Panel::signed("after", 2, 1, vec![-0.1, 0.0]).with_colors(colors);
+/// # let _ = (before, after);
+/// # Ok::<(), softray::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Diverging {
     scale: f64,

@@ -22,6 +22,8 @@ const SCALE: (usize, usize, usize) = (8, 14, 5);
 ///
 /// Images of radiance are clipped to [0, 1]. Signed images have a diverging color map with a scale beside them. Both
 /// are scaled up by an integer factor with sharp pixels.
+///
+/// [`Figure`](super::Figure) has an example.
 #[derive(Clone, Debug)]
 pub struct Panel {
     caption: String,

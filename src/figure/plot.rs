@@ -32,6 +32,8 @@ const COLORS: [Rgb; 7] = [
 ];
 
 /// A plot of curves over x for a [`Figure`](super::Figure), with horizontal dashed lines and a legend.
+///
+/// [`Figure`](super::Figure) has an example.
 #[derive(Clone, Debug, Default)]
 pub struct Plot {
     title: String,

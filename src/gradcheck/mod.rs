@@ -20,7 +20,7 @@ pub use settings::GradCheck;
 /// The bounds of the scene are fixed to those of the options if set, and to the initial scene's otherwise.
 ///
 /// ```
-/// use softray::gradcheck::{Checked, GradCheck, gradcheck};
+/// use softray::gradcheck::{Checked, GradCheck, Verdict, gradcheck};
 /// use softray::prelude::*;
 ///
 /// let options = RenderOptions::new(8, 8).with_samples(4).with_bounces(0);
@@ -35,6 +35,9 @@ pub use settings::GradCheck;
 ///     Ok((scene, Camera::look_at([0.0, 0.0, 4.0], [0.0; 3])))
 /// })?;
 /// println!("{report}");
+/// let row = &report.rows[0];
+/// println!("{}: apart by {} ± {}", row.parameter, row.apart.mean, row.apart.error);
+/// assert_eq!(row.verdict, Verdict::Agrees);
 /// assert!(report.agrees());
 /// # Ok::<(), softray::Error>(())
 /// ```

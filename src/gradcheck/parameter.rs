@@ -5,6 +5,8 @@ use burn::tensor::{DType, Device, Tensor};
 use crate::error::{Error, Result, one_of};
 
 /// A parameter to check: a tensor `[C]`, differentiated component by component or along one direction.
+///
+/// [`gradcheck`](super::gradcheck) has an example.
 #[derive(Clone, Debug)]
 pub struct Checked {
     pub(super) name: String,
@@ -67,6 +69,8 @@ impl Checked {
 }
 
 /// The parameters as tensors, for the closure that builds a scene.
+///
+/// [`gradcheck`](super::gradcheck) has an example.
 #[derive(Clone, Debug)]
 pub struct Point {
     /// The device for the scene.

@@ -3,6 +3,8 @@
 use std::fmt;
 
 /// A mean over seeds with its standard error.
+///
+/// [`gradcheck`](super::gradcheck) has an example.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimate {
     /// The mean.
@@ -27,6 +29,8 @@ impl Estimate {
 }
 
 /// The outcome of a comparison.
+///
+/// [`gradcheck`](super::gradcheck) has an example.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// The comparison is precise, and no disagreement is significant.
@@ -38,6 +42,8 @@ pub enum Verdict {
 }
 
 /// One derivative by both methods.
+///
+/// [`gradcheck`](super::gradcheck) has an example.
 #[derive(Clone, Debug)]
 pub struct Row {
     /// The parameter's name, with the component's index if it has several.
@@ -66,6 +72,8 @@ impl Row {
 }
 
 /// The result of [`gradcheck`](super::gradcheck). It prints as a table.
+///
+/// [`gradcheck`](super::gradcheck) has an example.
 #[derive(Clone, Debug)]
 pub struct Report {
     /// The rows, one for each derivative.

@@ -12,6 +12,8 @@ use crate::render::RenderOptions;
 type Objective = Arc<dyn Fn(Tensor<3>) -> Tensor<1> + Send + Sync>;
 
 /// The settings of [`gradcheck`](super::gradcheck).
+///
+/// [`gradcheck`](super::gradcheck) has an example.
 #[derive(Clone)]
 pub struct GradCheck {
     pub(super) options: RenderOptions,

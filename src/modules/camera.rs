@@ -11,6 +11,8 @@ use crate::scene::{Camera, Parameter, Projection, Range, warn_of_narrow_view};
 const FOV: [f64; 2] = [1.0, 170.0];
 
 /// The form of the parameters of a camera's direction.
+///
+/// [`CameraParams`] has an example.
 #[derive(Config, Debug, Copy, PartialEq, Eq)]
 pub enum AimForm {
     /// A point. The camera looks at it from any position.
@@ -20,6 +22,8 @@ pub enum AimForm {
 }
 
 /// The configuration of a [`CameraParams`].
+///
+/// [`CameraParams`] has an example.
 #[derive(Config, Debug)]
 pub struct CameraParamsConfig {
     /// Position, scene units.
@@ -74,6 +78,8 @@ impl CameraParamsConfig {
 }
 
 /// The parameters of a camera's direction.
+///
+/// [`CameraParams`] has an example.
 #[derive(Module, Debug)]
 pub enum Aim {
     /// The point that the camera looks at, `[3]`, scene units.
@@ -84,6 +90,8 @@ pub enum Aim {
 }
 
 /// The parameters of a thin lens. Logarithms beyond ±30 count as ±30.
+///
+/// [`CameraParams`] has an example.
 #[derive(Module)]
 pub struct LensParams {
     /// ln of the aperture radius in scene units, `[1]`.
@@ -98,17 +106,23 @@ pub struct LensParams {
 /// is saved and loaded like the others.
 ///
 /// ```
-/// use softray::modules::CameraParamsConfig;
+/// use softray::modules::{Aim, AimForm, CameraParamsConfig};
 /// use softray::prelude::*;
 /// let device = Device::flex().autodiff();
 /// let params = CameraParamsConfig::new([0.0, 1.0, 4.0], [0.0, 0.0, 0.0])
 ///     .with_lens(Some([0.05, 4.0]))
+///     .with_aim(AimForm::Direction)
 ///     .init(&device)?
 ///     .freeze_fov()
 ///     .freeze_lens();
 /// let camera = params.camera();
 /// assert!(camera.eye.is_tracked() && !params.logit_fov.is_require_grad());
 /// assert!(matches!(camera.projection, Projection::Perspective { .. }));
+/// assert!(matches!(params.aim, Aim::Direction(_)));
+/// let thin_lens = camera.lens.expect("a lens");
+/// assert!((thin_lens.focus_distance.values()?[0] - 4.0).abs() < 1e-4);
+/// let lens = params.lens.expect("a lens");
+/// assert!(!lens.log_focus.is_require_grad());
 /// # Ok::<(), softray::Error>(())
 /// ```
 #[derive(Module)]

@@ -12,6 +12,8 @@ const OBJECT: &str = "render loss";
 
 /// The configuration of a [`RenderLoss`]: the weight of each term. Weights are at least 0, and at least one is
 /// positive.
+///
+/// [`RenderLoss`] has an example.
 #[derive(Config, Debug, PartialEq)]
 pub struct RenderLossConfig {
     /// The weight of the mean squared difference; 1 by default.

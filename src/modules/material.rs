@@ -13,6 +13,8 @@ const OBJECT: &str = "material";
 const MIN_INITIAL: f64 = 1e-3;
 
 /// The configuration of a [`MaterialParams`].
+///
+/// [`MaterialParams`] has an example.
 #[derive(Config, Debug)]
 pub struct MaterialParamsConfig {
     /// k_d, or the base color or tint of facets, RGB in [0, 1]; 0.5 by default.

@@ -6,6 +6,8 @@ use crate::scene::{Camera, Scene};
 
 /// [`render()`] with checked options, as a module without parameters, so that it can be a field of another
 /// module.
+///
+/// [`modules`](crate::modules) has an example.
 #[derive(Module, Debug)]
 pub struct Renderer {
     #[module(skip)]

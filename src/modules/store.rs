@@ -70,6 +70,8 @@ pub fn save_safetensors<M: Module>(module: &M, path: impl AsRef<Path>) -> Result
 /// Loads the parameters of a safetensors file into a module, on its device and in its float types. Trained
 /// parameters stay trained, and frozen parameters stay frozen.
 ///
+/// [`save_safetensors`] has an example.
+///
 /// # Errors
 /// If the file cannot be read, or its parameters do not match the module: a parameter is missing, exists only
 /// in the file, or has another shape or kind. A file of a newer version is an error, and so is a file with the names

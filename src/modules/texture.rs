@@ -18,6 +18,8 @@ const MIN_RADIANCE: f64 = 1e-3;
 const STEEPEST: f64 = 10.0;
 
 /// The configuration of a [`TextureParams`], which starts with the same color everywhere.
+///
+/// [`TextureParams`] has an example.
 #[derive(Config, Debug)]
 pub struct TextureParamsConfig {
     /// The number of rows of texels.
@@ -90,6 +92,8 @@ impl TextureParams {
 }
 
 /// The configuration of a [`NormalMapParams`], which starts without tilt.
+///
+/// [`NormalMapParams`] has an example.
 #[derive(Config, Debug)]
 pub struct NormalMapParamsConfig {
     /// The number of rows of texels.
@@ -158,6 +162,8 @@ impl NormalMapParams {
 }
 
 /// The configuration of an [`EnvironmentParams`], which starts with the same radiance everywhere.
+///
+/// [`EnvironmentParams`] has an example.
 #[derive(Config, Debug)]
 pub struct EnvironmentParamsConfig {
     /// The number of rows of texels.

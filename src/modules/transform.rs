@@ -10,6 +10,8 @@ const OBJECT: &str = "rigid transform";
 const ANGLE: &str = "the angle of a rigid transform";
 
 /// The parameterization of a rotation.
+///
+/// [`RigidTransform`] has an example.
 #[derive(Config, Debug, Copy, PartialEq, Eq)]
 pub enum RotationForm {
     /// The first two columns of the rotation matrix `[6]`, made orthonormal (Zhou et al. 2019). This form
@@ -20,6 +22,8 @@ pub enum RotationForm {
 }
 
 /// The configuration of a [`RigidTransform`]. By default it starts as the identity.
+///
+/// [`RigidTransform`] has an example.
 #[derive(Config, Debug)]
 pub struct RigidTransformConfig {
     /// The parameterization of the rotation; [`RotationForm::SixD`] by default.
@@ -56,14 +60,16 @@ impl RigidTransformConfig {
 /// A rotation about the origin, then a translation, with an optional uniform scale before both.
 ///
 /// ```
-/// use softray::modules::RigidTransformConfig;
+/// use softray::modules::{RigidTransformConfig, RotationForm};
 /// use softray::prelude::*;
 /// let device = Device::flex().autodiff();
 /// let pose = RigidTransformConfig::new()
+///     .with_rotation(RotationForm::Quaternion)
 ///     .with_translation([0.0, 0.2, 0.0])
 ///     .with_scale(Some(0.7))
 ///     .init(&device)?
 ///     .with_axis_angle([0.0, 1.0, 0.0], 30.0)?;
+/// assert_eq!(pose.form(), RotationForm::Quaternion);
 /// let cube = pose.forward(shapes::cube(&Device::flex()));
 /// assert!(cube.vertices.is_tracked());
 /// # Ok::<(), softray::Error>(())

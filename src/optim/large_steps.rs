@@ -17,6 +17,8 @@ use crate::warnings::warning;
 const OBJECT: &str = "large steps";
 
 /// The settings of [`LargeSteps`].
+///
+/// [`LargeSteps`] has an example.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LargeStepsConfig {
     /// λ of I + λL, at least 0. A larger value gives smoother steps; 0 leaves gradients unchanged.
@@ -132,6 +134,8 @@ pub struct LargeSteps {
 }
 
 /// The moments of a parameter. They are stored on the host in f64, so a record holds them exactly.
+///
+/// The optimizer in the example of [`LargeSteps`] keeps them from step to step.
 #[derive(Clone, PartialEq)]
 pub struct LargeStepsState {
     /// The number of steps taken.

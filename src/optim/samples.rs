@@ -39,6 +39,16 @@ pub fn sample_points(mesh: &Mesh, count: usize, seed: u64) -> Result<Tensor<2>> 
 /// Both are in the graph of the vertices. Normals point to the front side of the face; shading normals are not
 /// used.
 ///
+/// ```
+/// use softray::optim::sample_points_and_normals;
+/// use softray::prelude::*;
+/// let (points, normals) = sample_points_and_normals(&shapes::cube(&Device::flex()), 60, 0)?;
+/// // The faces of the cube are at a distance of 1 from its center.
+/// let distances = (points * normals).sum_dim(1);
+/// assert!((distances - 1.0).abs().max().into_scalar::<f32>() < 1e-5);
+/// # Ok::<(), softray::Error>(())
+/// ```
+///
 /// # Errors
 /// Like [`sample_points`].
 pub fn sample_points_and_normals(

@@ -13,6 +13,8 @@ use crate::scene::{Camera, Object, Scene};
 /// Scenes may differ in everything: meshes, materials, lights. Views of one scene share its prepared data: checks,
 /// triangles, BVH and lights. If all scenes have a mesh with the same faces but different vertices, such as a network's
 /// predictions, pass the vertices as one tensor ([`Batch::with_vertices`]).
+///
+/// [`render_batch`](super::render_batch) has an example.
 #[derive(Clone)]
 pub struct Batch {
     pub(super) scenes: Vec<Scene>,

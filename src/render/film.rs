@@ -9,6 +9,8 @@ use crate::geometry::{detached, host_values};
 use crate::tensors::{Diagnostics, RayStatistics};
 
 /// The program that computed an image; see [`Engine`](super::Engine).
+///
+/// [`Statistics`] has an example.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Program {
@@ -23,6 +25,17 @@ pub enum Program {
 
 /// The cost of a render. Kernels on a GPU count rays only with
 /// [`with_statistics`](super::RenderOptions::with_statistics); otherwise the counts are 0 or empty.
+///
+/// ```
+/// use softray::prelude::*;
+/// let (room, camera) = cornell_box(&Device::flex());
+/// let options = RenderOptions::new(8, 8).with_samples(1).with_engine(Engine::Kernels);
+/// let image = render(&room, &camera, &options.with_diagnostics())?;
+/// assert_eq!(image.statistics.program, Program::HostKernels);
+/// assert!(image.statistics.rays > 0);
+/// assert_eq!(image.diagnostics.expect("diagnostics").degenerate_triangles, 0);
+/// # Ok::<(), softray::Error>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Statistics {
@@ -39,6 +52,8 @@ pub struct Statistics {
 }
 
 /// Statistics of the number of surfaces that may contribute to a ray; 0 if all triangles are tested.
+///
+/// [`Visibility`](super::Visibility) has an example.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct SurfacesPerRay {
@@ -130,6 +145,8 @@ impl Image {
 }
 
 /// The images of a batch. All tensors but the albedo and the object ids are tracked if a scene or a camera has tracked tensors.
+///
+/// [`render_batch`](super::render_batch) has an example.
 #[derive(Clone)]
 pub struct ImageBatch {
     /// Linear RGB radiance `[B, H, W, 3]`, row 0 at the top.

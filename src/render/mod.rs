@@ -40,6 +40,8 @@ pub use overview::overview;
 /// velocities, materials, textures, lights, environment, camera pose, field of view and lens. Without a tracked tensor,
 /// no tape is recorded. On the CPU, tiles run on all cores.
 ///
+/// [`softray`](crate) has an example.
+///
 /// # Errors
 /// If the scene, the camera or the options are not valid. Nothing is rendered then.
 pub fn render(scene: &Scene, camera: &Camera, options: &RenderOptions) -> Result<Image> {
@@ -50,6 +52,16 @@ pub fn render(scene: &Scene, camera: &Camera, options: &RenderOptions) -> Result
 ///
 /// `pixels` holds indices y·width + x into the image of the options, in any order, with or without repeats. Without
 /// [adaptive sampling](RenderOptions::with_adaptive), each pixel has the same paths as in the whole image.
+///
+/// ```
+/// use softray::prelude::*;
+/// let (room, camera) = cornell_box(&Device::flex());
+/// let options = RenderOptions::new(16, 16).with_samples(4);
+/// // The upper corners.
+/// let image = render_pixels(&room, &camera, &options, &[0, 15])?;
+/// assert_eq!(image.radiance.dims(), [1, 2, 3]);
+/// # Ok::<(), softray::Error>(())
+/// ```
 ///
 /// # Errors
 /// Like [`render`], or if the list is empty or a pixel lies outside of the image.

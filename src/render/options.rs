@@ -16,6 +16,8 @@ use crate::scene::Normalization;
 use crate::tensors::Visibility;
 
 /// The program that computes a render. For cones and the same seed, all give the same image, up to rounding.
+///
+/// [`Statistics`](super::Statistics) has an example.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Engine {
@@ -45,6 +47,7 @@ pub enum Engine {
 /// let loaded = RenderOptions::load(&path).expect("options");
 /// # std::fs::remove_file(&path).expect("a file");
 /// assert_eq!(format!("{loaded:?}"), format!("{options:?}"));
+/// assert!(loaded.outputs.depth && !loaded.outputs.normals);
 /// let few: RenderOptions = serde_json::from_str(r#"{"width": 64, "height": 48, "samples": 4}"#)
 ///     .expect("options");
 /// assert_eq!((few.samples, few.bounces), (4, 3));

@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 /// The outputs of a render in addition to radiance.
+///
+/// [`RenderOptions`](super::RenderOptions) has an example.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[non_exhaustive]

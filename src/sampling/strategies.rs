@@ -6,6 +6,8 @@ use crate::cube::*;
 use crate::lanes::Record;
 
 /// The source of a render's random numbers.
+///
+/// [`Sampling`] has an example.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Sequence {
@@ -40,6 +42,8 @@ impl Record for Sequence {
 }
 
 /// The probabilities with which next-event estimation chooses emitters: emitting triangles and delta lights.
+///
+/// [`Sampling`] has an example.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum EmitterSampling {
@@ -58,6 +62,8 @@ pub enum EmitterSampling {
 }
 
 /// The surfaces from which a path continues if several share a primary ray.
+///
+/// [`Sampling`] has an example.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum SurfaceSampling {
@@ -78,6 +84,8 @@ pub enum SurfaceSampling {
 /// let paper = RenderOptions::new(64, 64).with_sampling(Sampling::paper());
 /// let mut sampling = Sampling::default();
 /// sampling.sequence = Sequence::Independent;
+/// sampling.emitters = EmitterSampling::Power;
+/// sampling.surfaces = SurfaceSampling::Drawn;
 /// # let _ = (paper, RenderOptions::new(64, 64).with_sampling(sampling));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -14,6 +14,8 @@ pub(crate) const MAX_IOR: f64 = 10.0;
 pub(crate) const MIN_CONTRAST: f64 = 1e-3;
 
 /// How a surface scatters light: a model with its parameters.
+///
+/// [`ScalarTexture`] has an example.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Bsdf {

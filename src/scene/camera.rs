@@ -20,7 +20,7 @@ pub struct Camera {
     pub lens: Option<ThinLens>,
 }
 
-/// The projection of a camera.
+/// The projection of a camera. [`CameraParams`](crate::modules::CameraParams) has an example.
 #[derive(Clone, Debug)]
 pub enum Projection {
     /// Perspective about the middle of the image, with square pixels.
@@ -46,7 +46,7 @@ pub enum Projection {
     },
 }
 
-/// A thin lens. It requires a perspective projection.
+/// A thin lens. It requires a perspective projection. [`CameraParams`](crate::modules::CameraParams) has an example.
 #[derive(Clone, Debug)]
 pub struct ThinLens {
     /// Radius of the aperture, in scene units, ≥ 0.

@@ -6,6 +6,8 @@ use burn::tensor::{Tensor, TensorData};
 
 /// Values at the corners of faces, with their own indices.
 /// Texture coordinates and normals may have seams where positions have none.
+///
+/// [`Mesh::smooth_normals`](super::Mesh::smooth_normals) has an example.
 #[derive(Clone)]
 pub struct CornerAttribute {
     /// The values `[V, C]`.

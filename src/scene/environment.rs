@@ -7,6 +7,8 @@ use super::{Parameter, Wrap};
 use crate::geometry::any_positive;
 
 /// The radiance that arrives from infinity along rays that miss all surfaces.
+///
+/// [`EnvironmentParams`](crate::modules::EnvironmentParams) has an example.
 #[derive(Clone)]
 pub enum Environment {
     /// The same radiance from all directions, RGB.

@@ -7,6 +7,8 @@ use crate::error::{Error, Result};
 use crate::geometry::host_values;
 
 /// A normal map: tilts of the shading normal over a surface.
+///
+/// [`NormalMapParams`](crate::modules::NormalMapParams) has an example.
 #[derive(Clone)]
 pub struct NormalMap {
     /// Texels `[H, W, 3]`, row 0 at the top (v = 1), interpolated bilinearly like the texture of a
@@ -18,6 +20,13 @@ pub struct NormalMap {
 }
 
 /// An alpha mask: the holes of a surface.
+///
+/// ```
+/// use softray::prelude::*;
+/// let alpha = Tensor::<2>::from_floats([[0.0, 1.0]], &Device::flex());
+/// let fence = Material::diffuse([0.5; 3]).with_alpha_mask(alpha, 0.5);
+/// assert_eq!(fence.alpha_mask.expect("a mask").cutoff, 0.5);
+/// ```
 #[derive(Clone)]
 pub struct AlphaMask {
     /// Alpha `[H, W]`, row 0 at the top (v = 1), interpolated bilinearly.

@@ -40,6 +40,8 @@ impl MaterialKind {
 }
 
 /// A BSDF, emission, a normal map and an alpha mask.
+///
+/// [`ScalarTexture`] has an example.
 #[derive(Clone)]
 pub struct Material {
     /// The name in messages.

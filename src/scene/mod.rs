@@ -161,6 +161,8 @@ impl Scene {
 }
 
 /// A mesh with its materials and its motion, like an `o` or `g` of an OBJ file.
+///
+/// [`Scene::bounds`] has an example.
 #[derive(Clone)]
 pub struct Object {
     /// The name in error messages and for [`Scene::object`].

@@ -5,6 +5,8 @@ use crate::geometry::{Context, Vec3, host_values};
 
 /// A small vector: numbers or a tensor `[C]`.
 /// The tensor may be a constant, a leaf tensor with `require_grad`, a module's parameter or the output of a network.
+///
+/// [`Mesh::translated`](super::Mesh::translated) has an example.
 #[derive(Clone)]
 pub enum Parameter<const C: usize> {
     /// Numbers. They are put on the scene's device in the scene's float type.

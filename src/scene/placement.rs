@@ -13,6 +13,8 @@ use crate::geometry::{Context, sin_cos};
 
 /// The factors of [`Mesh::scaled`]: numbers or a tensor.
 /// Numbers, arrays of three numbers and tensors convert into this type.
+///
+/// [`Mesh::scaled`] has an example.
 #[derive(Clone, Debug)]
 pub enum Scale {
     /// One factor for all axes.

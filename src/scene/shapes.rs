@@ -1,4 +1,20 @@
 //! Meshes from formulas. All faces are counter-clockwise seen from outside.
+//!
+//! ```
+//! use softray::prelude::*;
+//! let device = Device::flex();
+//! let meshes = [
+//!     shapes::triangle([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], &device),
+//!     shapes::quad([0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], &device),
+//!     shapes::cube(&device),
+//!     shapes::icosahedron(&device),
+//!     shapes::icosphere(1, &device),
+//!     shapes::torus(1.0, 0.3, 24, 12, &device),
+//!     shapes::cylinder(0.5, 2.0, 24, &device),
+//!     shapes::plane_grid(4.0, 4.0, 2, 2, &device),
+//! ];
+//! assert_eq!(meshes.map(|mesh| mesh.faces.len()), [1, 2, 12, 20, 80, 576, 96, 8]);
+//! ```
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -9,11 +25,15 @@ use super::mesh::{host_tensor, split_in_four};
 use super::{CornerAttribute, Mesh};
 
 /// Creates a mesh of one triangle. On its front side the corners run counter-clockwise.
+///
+/// [`shapes`](self) has an example.
 pub fn triangle(a: [f64; 3], b: [f64; 3], c: [f64; 3], device: &Device) -> Mesh {
     Mesh::from_host(&[a, b, c], vec![[0, 1, 2]], device)
 }
 
 /// Creates two triangles, a b c and a c d, with the unit square as texture coordinates.
+///
+/// [`shapes`](self) has an example.
 pub fn quad(a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3], device: &Device) -> Mesh {
     let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     Mesh::from_host(&[a, b, c, d], vec![[0, 1, 2], [0, 2, 3]], device)
@@ -21,6 +41,8 @@ pub fn quad(a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3], device: &Device)
 }
 
 /// Creates a cube of side 2 about the origin, with 8 shared vertices and 12 faces.
+///
+/// [`shapes`](self) has an example.
 pub fn cube(device: &Device) -> Mesh {
     let vertices: Vec<[f64; 3]> = (0..8)
         .map(|i| [1, 2, 4].map(|bit| if i & bit == 0 { -1.0 } else { 1.0 }))
@@ -41,11 +63,15 @@ pub fn cube(device: &Device) -> Mesh {
 }
 
 /// Creates a regular icosahedron of circumradius 1.
+///
+/// [`shapes`](self) has an example.
 pub fn icosahedron(device: &Device) -> Mesh {
     icosphere(0, device)
 }
 
 /// Creates a unit sphere of 20·4ⁿ faces: an icosahedron that is subdivided n times.
+///
+/// [`shapes`](self) has an example.
 pub fn icosphere(subdivisions: u32, device: &Device) -> Mesh {
     let phi = (1.0 + 5f64.sqrt()) / 2.0;
     let unit = |v: [f64; 3]| glam::DVec3::from(v).normalize().to_array();
@@ -155,6 +181,8 @@ fn hull_of_icosahedron(vertices: &[[f64; 3]]) -> Vec<[u32; 3]> {
 /// Creates a closed torus about the y axis.
 /// `major` is the distance from the axis to the middle of the tube and `minor` the radius of the tube, in scene units.
 /// There are `segments` divisions around the axis and `rings` around the tube; values below 3 are raised to 3.
+///
+/// [`shapes`](self) has an example.
 pub fn torus(major: f64, minor: f64, segments: usize, rings: usize, device: &Device) -> Mesh {
     let (segments, rings) = (segments.max(3), rings.max(3));
     let mut vertices = Vec::new();
@@ -175,6 +203,8 @@ pub fn torus(major: f64, minor: f64, segments: usize, rings: usize, device: &Dev
 }
 
 /// Creates a closed cylinder with caps about the y axis, centered at the origin. `segments` is raised to at least 3.
+///
+/// [`shapes`](self) has an example.
 pub fn cylinder(radius: f64, height: f64, segments: usize, device: &Device) -> Mesh {
     let n = segments.max(3);
     let mut vertices = vec![[0.0, -height / 2.0, 0.0], [0.0, height / 2.0, 0.0]];
@@ -193,6 +223,8 @@ pub fn cylinder(radius: f64, height: f64, segments: usize, device: &Device) -> M
 /// Creates a grid of rectangles in the plane y = 0, facing +y and centered at the origin.
 /// `width` is along x and `depth` along z. The unit square is used as texture coordinates: u grows along +x, v along
 /// −z. `columns` and `rows` are raised to at least 1.
+///
+/// [`shapes`](self) has an example.
 pub fn plane_grid(width: f64, depth: f64, columns: usize, rows: usize, device: &Device) -> Mesh {
     let (columns, rows) = (columns.max(1), rows.max(1));
     let (mut vertices, mut uvs, mut faces) = (Vec::new(), Vec::new(), Vec::new());

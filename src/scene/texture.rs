@@ -27,6 +27,8 @@ impl Value<'_> {
 }
 
 /// A color over a surface, such as an albedo or the radiance of an emitter: a constant RGB, or a texture.
+///
+/// [`ScalarTexture`] has an example.
 #[derive(Clone)]
 pub enum ColorTexture {
     /// RGB.
@@ -95,6 +97,15 @@ impl ColorTexture {
 }
 
 /// A number of a material: a constant, or a texture of one channel.
+///
+/// ```
+/// use softray::prelude::*;
+/// let device = Device::flex();
+/// let colors = ColorTexture::texture(Tensor::ones([1, 2, 3], &device));
+/// let roughness = ScalarTexture::texture(Tensor::from_floats([[0.1, 0.9]], &device));
+/// let material = Material::metallic_roughness(colors, 0.0, roughness);
+/// assert!(matches!(material.bsdf, Bsdf::MetallicRoughness { .. }));
+/// ```
 #[derive(Clone)]
 pub enum ScalarTexture {
     /// One number.

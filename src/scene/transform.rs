@@ -25,6 +25,15 @@ impl Mistake {
 ///
 /// A part of a wrong shape, or a rotation about an axis 0, is left out. A mesh with such a transform can't be rendered:
 /// the error of the render describes the mistake.
+///
+/// ```
+/// use softray::prelude::*;
+/// let device = Device::flex();
+/// let angle = Tensor::<1>::from_floats([30.0], &device).autodiff().require_grad();
+/// let turn = Transform::new().with_axis_angle([0.0, 1.0, 0.0], angle);
+/// let cube = shapes::cube(&device).transformed(&turn);
+/// assert!(cube.vertices.is_tracked());
+/// ```
 #[derive(Clone, Default)]
 pub struct Transform {
     rotation: Option<Tensor<2>>,

@@ -13,6 +13,8 @@ use crate::geometry::{host_values, sin_cos};
 const MARGIN: f64 = 0.05;
 
 /// A square matrix of numbers, row by row, or a tensor `[N, N]`.
+///
+/// [`Camera::from_matrix`] has an example.
 #[derive(Clone, Debug)]
 pub enum Matrix<const N: usize> {
     /// Rows of numbers.

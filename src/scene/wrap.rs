@@ -1,6 +1,8 @@
 //! Wrap modes of textures.
 
 /// The mapping of texture coordinates outside of [0, 1] into the image. The default is `Repeat`.
+///
+/// [`TextureParams`](crate::modules::TextureParams) has an example.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Wrap {
     /// The image is tiled.

@@ -10,6 +10,8 @@ use crate::geometry::{Vec3, detached, host_values};
 ///
 /// Cones have neither weights nor parallel hits, so their kernels count only triangles and light. For the softmax,
 /// counting reads data back from the device and takes time. Renders without counting have no such cost.
+///
+/// [`Statistics`](crate::render::Statistics) has an example.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Diagnostics {

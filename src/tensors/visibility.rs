@@ -12,6 +12,18 @@ use crate::scene::Bounds;
 /// The form of visibility in a render. Gradients are derivatives of the image in this form.
 ///
 /// `docs/VISIBILITY.md` compares both forms by measurement.
+///
+/// ```
+/// use softray::prelude::*;
+/// let (room, camera) = cornell_box(&Device::flex());
+/// let options = RenderOptions::new(8, 8).with_samples(1).with_bounces(0);
+/// let cones = options.clone().with_visibility(Visibility::cone(1.0));
+/// assert!(render(&room, &camera, &cones)?.statistics.rays > 0);
+/// let softmax = SoftmaxOptions::new(1e-3, 1e-2).with_cutoff(1e-3);
+/// let image = render(&room, &camera, &options.with_visibility(softmax))?;
+/// println!("{} surfaces per ray", image.statistics.surfaces.mean);
+/// # Ok::<(), softray::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Visibility {
@@ -38,6 +50,8 @@ pub enum Visibility {
 }
 
 /// The settings of [`Visibility::Softmax`].
+///
+/// [`Visibility`] has an example.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]

@@ -5,6 +5,8 @@ use crate::figure::{Figure, Plot};
 use crate::optim::schedule::{TOLERANCE, stopped_falling};
 
 /// The record of a step of a fit.
+///
+/// [`Fit`](super::Fit) has an example.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// The step number, counted from 0.
@@ -24,6 +26,8 @@ pub struct Row {
 }
 
 /// The steps of a fit, in order.
+///
+/// [`Fit`](super::Fit) has an example.
 #[derive(Clone, Default, PartialEq)]
 pub struct History {
     /// The names of the evaluations' values.

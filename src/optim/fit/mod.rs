@@ -31,7 +31,7 @@ type Callback<M> = Box<dyn FnMut(&Report<M>) -> Result<bool>>;
 /// ```
 /// use burn::module::{Module, Param};
 /// use burn::optim::AdamConfig;
-/// use softray::optim::{BlurSchedule, Evaluation, Fit, Rate, loss};
+/// use softray::optim::{BlurSchedule, Evaluation, Fit, Rate, Report, Step, Stop, loss};
 /// use softray::prelude::*;
 ///
 /// #[derive(Module, Debug)]
@@ -55,12 +55,21 @@ type Callback<M> = Box<dyn FnMut(&Report<M>) -> Result<bool>>;
 /// let fitted = Fit::new(Offset { x: Param::from_tensor(start) }, AdamConfig::new().init(), 40)
 ///     .with_rate(Rate::cosine(0.05))
 ///     .with_blur(BlurSchedule::decay(5.0, 0.05, 30)?)
-///     .run(|module: &Offset, step: &_| {
+///     .on_step(10, |report: &Report<Offset>| {
+///         let row = report.history.rows.last().expect("this step");
+///         println!("{}: {}", row.step, row.loss);
+///         Ok(true)
+///     })
+///     .run(|module: &Offset, step: &Step| {
 ///         let see = |k| render(&scene(module.x.val()), &camera, &step.options(&options, k));
 ///         let (a, b) = (see(0)?.radiance, see(1)?.radiance);
 ///         Ok(Evaluation::new(loss::mse_unbiased(a, b, target.clone())?))
 ///     })?;
 /// assert!(fitted.module.x.val().into_scalar::<f32>().abs() < 0.05);
+/// assert_eq!((fitted.stop, fitted.history.rows.len()), (Stop::Steps, 40));
+/// for warning in &fitted.warnings {
+///     println!("{warning}");
+/// }
 /// # Ok::<(), softray::Error>(())
 /// ```
 pub struct Fit<M> {

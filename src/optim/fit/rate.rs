@@ -3,6 +3,8 @@ use std::fmt;
 use crate::error::{Error, Result};
 
 /// A learning rate over the steps of a fit.
+///
+/// [`Fit`](super::Fit) has an example.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
     start: f64,

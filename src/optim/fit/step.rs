@@ -13,6 +13,8 @@ use crate::error::{Error, Result};
 use crate::render::RenderOptions;
 
 /// The step of a fit that is being evaluated.
+///
+/// [`Fit`](super::Fit) has an example.
 #[derive(Clone, Debug)]
 pub struct Step {
     /// The step number, counted from 0.
@@ -51,6 +53,8 @@ impl Step {
 }
 
 /// The result of a step: a loss in the graph of the module's parameters, and values and images to record.
+///
+/// [`Fit`](super::Fit) has an example.
 #[derive(Clone)]
 pub struct Evaluation {
     pub(super) loss: Tensor<1>,
@@ -133,6 +137,8 @@ impl fmt::Debug for Evaluation {
 }
 
 /// The state of a fit at a step, for callbacks: after the loss is evaluated, before the parameters change.
+///
+/// [`Fit`](super::Fit) has an example.
 pub struct Report<'a, M> {
     /// The module before the step, from which the loss was computed.
     pub module: &'a M,
@@ -146,6 +152,8 @@ pub struct Report<'a, M> {
 }
 
 /// The reason for the end of a fit.
+///
+/// [`Fit`](super::Fit) has an example.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// All steps were taken.
@@ -157,6 +165,8 @@ pub enum Stop {
 }
 
 /// The result of a fit.
+///
+/// [`Fit`](super::Fit) has an example.
 #[derive(Clone, Debug)]
 pub struct Fitted<M> {
     /// The module after the last step.
@@ -176,6 +186,8 @@ pub struct Fitted<M> {
 /// A likely mistake in a fit that does not stop it.
 ///
 /// Its text describes the problem and a possible remedy.
+///
+/// [`Fit`](super::Fit) has an example.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Warning {

@@ -27,6 +27,8 @@ pub use structure::{dssim, ssim};
 /// For one noisy render its expectation is too large by the variance of the noise, and its gradient is biased
 /// by the gradient of that variance. [`mse_unbiased`] has no such bias.
 ///
+/// [`multi_scale`] has an example.
+///
 /// # Errors
 /// If the shapes or the float types differ, or an axis has length 0.
 pub fn mse<const D: usize>(image: Tensor<D>, target: Tensor<D>) -> Result<Tensor<1>> {
@@ -40,6 +42,18 @@ pub fn mse<const D: usize>(image: Tensor<D>, target: Tensor<D>) -> Result<Tensor
 ///
 /// Its expectation is [`mse`] of the *converged* image, and its gradient is unbiased too, because the noise of
 /// the two renders is independent. The value may be negative.
+///
+/// ```
+/// use softray::loss;
+/// use softray::prelude::*;
+/// let (room, camera) = cornell_box(&Device::flex());
+/// let options = RenderOptions::new(8, 8).with_samples(4);
+/// let a = render(&room, &camera, &options.clone().with_seed(1))?.radiance;
+/// let b = render(&room, &camera, &options.with_seed(2))?.radiance;
+/// let target = a.zeros_like();
+/// assert!(loss::mse_unbiased(a, b, target)?.into_scalar::<f32>() > 0.0);
+/// # Ok::<(), softray::Error>(())
+/// ```
 ///
 /// # Errors
 /// Like [`mse`].
@@ -57,6 +71,14 @@ pub fn mse_unbiased<const D: usize>(
 ///
 /// Outliers have less weight than in [`mse`]. The gradient is 0 where values are equal. Where the noise is
 /// wider than the difference, the loss is too large; two renders do not correct this bias.
+///
+/// ```
+/// use softray::loss;
+/// use softray::prelude::*;
+/// let image = Tensor::<3>::ones([4, 4, 3], &Device::flex());
+/// assert_eq!(loss::l1(image.clone() * 3.0, image)?.into_scalar::<f32>(), 2.0);
+/// # Ok::<(), softray::Error>(())
+/// ```
 ///
 /// # Errors
 /// Like [`mse`].

@@ -11,6 +11,8 @@ use crate::error::{Error, Result};
 /// 2 × 2 pixels of the previous level. If a size is odd, the last row or column counts twice, so its pixels are
 /// means of existing pixels.
 ///
+/// [`multi_scale`] has an example.
+///
 /// # Errors
 /// If `levels` is 0, or an axis has length 0.
 pub fn pyramid<const D: usize>(image: Tensor<D>, levels: usize) -> Result<Vec<Tensor<D>>> {
@@ -56,6 +58,9 @@ fn halves<const D: usize>(image: Tensor<D>, levels: usize) -> Vec<Tensor<D>> {
 ///     assert!(loss < before);
 ///     before = loss;
 /// }
+/// assert_eq!(loss::pyramid(spot(8), 5)?[1].dims(), [1, 8, 1]);
+/// let unbiased = loss::multi_scale_unbiased(spot(9), spot(9), spot(8), 5)?;
+/// assert!(unbiased.into_scalar::<f32>() > 0.0);
 /// # Ok::<(), softray::Error>(())
 /// ```
 ///
@@ -78,6 +83,8 @@ pub fn multi_scale<const D: usize>(
 /// the target, `[…, H, W, C]` each.
 ///
 /// The halves are linear in the image, so noise biases no level.
+///
+/// [`multi_scale`] has an example.
 ///
 /// # Errors
 /// If the shapes or the float types differ, an axis has length 0, or `levels` is 0.

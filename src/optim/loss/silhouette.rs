@@ -17,6 +17,16 @@ const MIN_UNION: f64 = 1e-3;
 /// empty, the loss is 0 and its gradient is finite. While the silhouettes do not overlap, the gradient is 0
 /// outside of the target; combine the loss with a wide blur or with another loss.
 ///
+/// ```
+/// use softray::loss;
+/// use softray::prelude::*;
+/// let row = |opacity: [f32; 4]| Tensor::<2>::from_floats([opacity], &Device::flex());
+/// let (a, b) = (row([1.0, 1.0, 0.0, 0.0]), row([0.0, 1.0, 1.0, 0.0]));
+/// assert_eq!(loss::iou(&a, &b, 0.5)?, 1.0 / 3.0);
+/// assert!((loss::silhouette_iou(a, b)?.into_scalar::<f32>() - 2.0 / 3.0).abs() < 1e-5);
+/// # Ok::<(), softray::Error>(())
+/// ```
+///
 /// # Errors
 /// If the shapes or the float types differ, or an axis has length 0.
 pub fn silhouette_iou<const D: usize>(opacity: Tensor<D>, target: Tensor<D>) -> Result<Tensor<1>> {
@@ -33,6 +43,8 @@ pub fn silhouette_iou<const D: usize>(opacity: Tensor<D>, target: Tensor<D>) -> 
 
 /// Returns the intersection over union of the pixels whose opacity is above a threshold, computed on the host.
 /// It is 1 if both sets of pixels are equal, including both empty.
+///
+/// [`silhouette_iou`] has an example.
 ///
 /// # Errors
 /// Like [`silhouette_iou`], or if the threshold is NaN, or a tensor cannot be read.

@@ -28,6 +28,16 @@ const K2: f64 = 0.03;
 /// Reduce radiance far above `range` first: variances are differences of means of squares, and f32 has no
 /// digits left for them. Noise lowers the similarity; two renders do not correct this bias.
 ///
+/// ```
+/// use softray::loss;
+/// use softray::prelude::*;
+/// let image = Tensor::<3>::ones([16, 16, 3], &Device::flex());
+/// let similarity = loss::ssim(image.clone(), image.clone() * 0.5, 1.0)?;
+/// assert!((similarity.into_scalar::<f32>() - 0.8).abs() < 1e-2);
+/// assert!(loss::dssim(image.clone(), image, 1.0)?.into_scalar::<f32>() < 1e-2);
+/// # Ok::<(), softray::Error>(())
+/// ```
+///
 /// # Errors
 /// If the shapes or the float types differ, an axis has length 0, or `range` is not a finite number > 0.
 pub fn ssim<const D: usize>(image: Tensor<D>, target: Tensor<D>, range: f64) -> Result<Tensor<1>> {
@@ -49,6 +59,8 @@ pub fn ssim<const D: usize>(image: Tensor<D>, target: Tensor<D>, range: f64) -> 
 }
 
 /// Structural dissimilarity (1 − [`ssim`])/2: a loss from 0, for equal images, to 1.
+///
+/// [`ssim`] has an example.
 ///
 /// # Errors
 /// Like [`ssim`].
