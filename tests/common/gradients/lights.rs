@@ -171,7 +171,7 @@ pub fn glowing() -> Vec<Case> {
 
 /// Bodies that pass through faces of each other whose middles are inside the other one.
 pub fn crossings() -> Vec<Case> {
-    vec![case("cube in a tilted cube", 0.0, 0.012, 0, |d, t, p| {
+    let cubes = case("cube in a tilted cube", 0.0, 0.012, 0, |d, t, p| {
         let cube = |scale: f64, axis: [f64; 3], turn: f64| {
             let cube = shapes::cube(d).cast(t).scaled(scale);
             diffuse(cube.rotated(axis, turn.to_degrees()), [0.8; 3])
@@ -182,5 +182,10 @@ pub fn crossings() -> Vec<Case> {
             .map_mesh(|m| m.translated([0.946, 0.767, -0.245]));
         let scene = Scene::new().with_object(small).with_object(large);
         (scene.with_environment([0.5; 3]), camera())
-    })]
+    });
+    // On GPUs a sample beside a line in which the cubes meet differs by rounding: 2.3e-4.
+    vec![Case {
+        flips: 8e-4,
+        ..cubes
+    }]
 }
