@@ -118,7 +118,7 @@ fn main() -> Result<(), Failure> {
     let sweeps = [
         sweep!(fig2_shadow, shadow, "shadow", "scene units", 0.6, a, 0.06),
         sweep!(camera_pose, posed, "pose", "scene units", 0.6, a, 0.03),
-        sweep!(fig3_indirect, indirect, "indirect", "°", 10.0, a, 1.0),
+        sweep!(fig3_indirect, indirect, "indirect", "°", 10.0, a, 0.02),
         sweep!(mirror, reflected, "mirror", "scene units", 0.5, a, 0.03),
     ];
     for sweep in &sweeps {

@@ -109,13 +109,14 @@ fn shrink(image: &HostImage, width: usize) -> Result<Option<HostImage>, Box<dyn 
     Ok(Some(HostImage::new(width, width, pixels)?))
 }
 
-/// Returns the scene with its short block rotated about the vertical axis through its center.
+/// Returns the scene with its short block rotated about the vertical axis through its center. The angle is in radians,
+/// since the epsilon of Adam is large beside gradients by degrees.
 fn turned(file: &SceneFile, angle: &Tensor<1>) -> softray::Result<Scene> {
     file.scene.clone().map_object("short", |object| {
         object.map_mesh(|mesh| {
             let center = mesh.vertices.clone().mean_dim(0).reshape([3]);
             let turn = Transform::new()
-                .with_axis_angle([0.0, 1.0, 0.0], angle.clone())
+                .with_axis_angle([0.0, 1.0, 0.0], angle.clone() * 1f64.to_degrees())
                 .with_translation(center.clone());
             mesh.translated(center.neg()).transformed(&turn)
         })
@@ -138,7 +139,7 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
         .with_blur(arguments.angle)
         .with_samples(64);
     let show = |degrees: f64, options: &RenderOptions| -> Result<HostImage, Box<dyn Error>> {
-        let angle = Tensor::<1>::from_floats([degrees as f32], device);
+        let angle = Tensor::<1>::from_floats([degrees.to_radians() as f32], device);
         let image = render(&turned(file, &angle)?, &file.camera, options)?;
         Ok(HostImage::from_tensor(&image.radiance)?)
     };
@@ -149,7 +150,7 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
     )?;
     let target = target_image.clone().into_tensor(device).clamp(0.0, 1.0);
 
-    let initial = [arguments.degrees as f32];
+    let initial = [arguments.degrees.to_radians() as f32];
     let mut angle = Param::from_tensor(Tensor::<1>::from_floats(
         initial,
         &device.clone().autodiff(),
@@ -178,12 +179,12 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
         let mut gradients = GradientsParams::new();
         gradients.register(angle.id, a + b);
         let done = step as f64 / arguments.steps as f64;
-        let rate = 0.5 * (1.0 + (std::f64::consts::PI * done).cos());
+        let rate = 0.01 * (1.0 + (std::f64::consts::PI * done).cos());
         angle = adam.step(rate, angle, gradients);
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let found = f64::from(angle.val().inner().into_scalar::<f32>());
+    let found = f64::from(angle.val().inner().into_scalar::<f32>()).to_degrees();
     println!(
         "angle: {:.2}° at the start, {:.2}° after {} steps, {:.1} s",
         arguments.degrees,

@@ -13,7 +13,7 @@ use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, numbers};
 
 #[derive(Module, Debug)]
 pub(crate) struct Turn {
-    /// The angle from the target about the vertical axis, in degrees.
+    /// The angle from the target about the vertical axis, in radians: the epsilon of Adam is large beside gradients by degrees.
     angle: Param<Tensor<1>>,
 }
 
@@ -37,7 +37,7 @@ fn scene(angle: &Tensor<1>, device: &Device) -> Scene {
         let corners = [[x, 1.6, z], [x, 1.6, -z], [x, 2.2, -z], [x, 2.2, z]];
         quad(corners).with_material(Material::emitter([14.0, 14.0, 14.0]))
     };
-    let turned = angle.clone() + TARGET;
+    let turned = angle.clone() * 1f64.to_degrees() + TARGET;
     let turn = Transform::new()
         .with_scale(Tensor::from_floats([0.5], device))
         .with_axis_angle([0.0, 1.0, 0.0], turned)
@@ -94,14 +94,14 @@ impl Problem for Indirect {
 
     /// `distance` is in degrees.
     fn start(&self, distance: f64) -> Turn {
-        let angle = Tensor::from_floats([distance], &self.device);
+        let angle = Tensor::from_floats([distance.to_radians()], &self.device);
         Turn {
             angle: Param::from_tensor(angle.autodiff()),
         }
     }
 
     fn error(&self, turn: &Turn) -> f64 {
-        numbers(&turn.angle.val())[0].abs()
+        numbers(&turn.angle.val())[0].to_degrees().abs()
     }
 
     fn pixel(&self) -> softray::Result<f64> {
@@ -110,7 +110,7 @@ impl Problem for Indirect {
 
     fn evaluate(&self, turn: &Turn, step: &Step) -> softray::Result<Evaluation> {
         let scene = scene(&turn.angle.val(), &self.device);
-        let degrees = numbers(&turn.angle.val())[0];
+        let degrees = numbers(&turn.angle.val())[0].to_degrees();
         let evaluation = self.goal.compare(&scene, step, None, 16)?;
         Ok(evaluation.with_value("degrees", degrees))
     }
@@ -132,13 +132,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             indirect.start(START),
             AdamConfig::new().with_beta_2(0.99).init(),
         )
-        .with_rate(Rate::cosine(1.0))
+        .with_rate(Rate::cosine(0.02))
         .with_blur(BlurSchedule::auto(still, camera, size, study.steps())?)
         .run(|turn: &Turn, step: &_| indirect.evaluate(turn, step))?;
 
-    let found = numbers(&fitted.module.angle.val())[0];
+    let found = numbers(&fitted.module.angle.val())[0].to_degrees();
     let turned = |degrees: f64| {
-        let angle = Tensor::from_floats([degrees], &device);
+        let angle = Tensor::from_floats([degrees.to_radians()], &device);
         indirect.goal.picture(&scene(&angle, &device))
     };
     let images = [
