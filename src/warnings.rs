@@ -38,7 +38,7 @@ static LOGGED: Mutex<BTreeSet<u64>> = Mutex::new(BTreeSet::new());
 /// with `false`, or set the environment variable `SOFTRAY_WARNINGS=0`. Neither changes what a logger receives.
 ///
 /// A logger receives each text about scenes, cameras and options of renders once in a process, because a fit would
-/// repeat it at every step. It receives every other warning.
+/// repeat it at every step. It receives every other warning, and every one of a black image.
 ///
 /// ```
 /// softray::show_warnings(false);

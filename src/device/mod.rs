@@ -19,6 +19,17 @@ pub(crate) use work::{count_read_back, stage};
 /// The environment variable with the default device of [`named`]. burn uses the same variable.
 pub const VARIABLE: &str = "BURN_DEVICE";
 
+/// The names of devices, CPUs first, and whether this program was built with the feature of that name.
+const BACKENDS: [(&str, bool); 7] = [
+    ("flex", cfg!(feature = "flex")),
+    ("ndarray", cfg!(feature = "ndarray")),
+    ("wgpu", cfg!(feature = "wgpu")),
+    ("vulkan", cfg!(feature = "vulkan")),
+    ("metal", cfg!(feature = "metal")),
+    ("cuda", cfg!(feature = "cuda")),
+    ("rocm", cfg!(feature = "rocm")),
+];
+
 /// Returns the device with a name: `flex`, `ndarray`, `wgpu`, `vulkan`, `metal`, `cuda` or `rocm`.
 ///
 /// With `None` the name is the value of the environment variable `BURN_DEVICE`, or `flex` if that is not set. On
@@ -97,17 +108,8 @@ fn parse(field: &str, name: &str) -> Result<Device> {
 
 /// Lists the names of devices and marks those that this program was built without.
 fn names() -> String {
-    let all = [
-        ("flex", cfg!(feature = "flex")),
-        ("ndarray", cfg!(feature = "ndarray")),
-        ("wgpu", cfg!(feature = "wgpu")),
-        ("vulkan", cfg!(feature = "vulkan")),
-        ("metal", cfg!(feature = "metal")),
-        ("cuda", cfg!(feature = "cuda")),
-        ("rocm", cfg!(feature = "rocm")),
-    ];
     let of = |built: bool| {
-        let names = all.iter().filter(|b| b.1 == built).map(|b| b.0);
+        let names = BACKENDS.iter().filter(|b| b.1 == built).map(|b| b.0);
         names.collect::<Vec<_>>().join(" or ")
     };
     let missing = match of(false) {
@@ -294,12 +296,8 @@ fn gpu(kind: Option<&str>) -> Option<burn::tensor::DeviceKind> {
 #[cfg(all(test, feature = "gpu"))]
 pub(crate) fn of_tests() -> Device {
     let name = std::env::var("SOFTRAY_GPU").unwrap_or_else(|_| {
-        let built = [
-            ("wgpu", cfg!(feature = "wgpu")),
-            ("cuda", cfg!(feature = "cuda")),
-        ];
-        let first = built.iter().find(|b| b.1);
-        first.map_or("rocm", |b| b.0).to_owned()
+        let first = BACKENDS[2..].iter().find(|b| b.1);
+        first.expect("a feature of a GPU").0.to_owned()
     });
     named(Some(&name)).expect("the device of the tests")
 }

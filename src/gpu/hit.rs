@@ -78,26 +78,30 @@ impl Four {
 /// are in `fours`, where the list begins at `first`.
 #[cube]
 fn four(list: &[f32], fours: Fours, first: u32, at: u32) -> Four {
-    let mut own = Four {
+    let mut four = Four {
         x: 0.0,
         y: 0.0,
         z: 0.0,
         w: 0.0,
     };
-    if comptime!(fours.is_some()) {
-        let all = fours.unwrap()[(first + at) as usize];
-        own.x = all.extract(0usize);
-        own.y = all.extract(1usize);
-        own.z = all.extract(2usize);
-        own.w = all.extract(3usize);
-    } else {
-        let i = 4 * at as usize;
-        own.x = list[i];
-        own.y = list[i + 1];
-        own.z = list[i + 2];
-        own.w = list[i + 3];
+    #[comptime]
+    match fours {
+        ComptimeOption::Some(fours) => {
+            let all = fours[(first + at) as usize];
+            four.x = all.extract(0usize);
+            four.y = all.extract(1usize);
+            four.z = all.extract(2usize);
+            four.w = all.extract(3usize);
+        }
+        ComptimeOption::None => {
+            let i = 4 * at as usize;
+            four.x = list[i];
+            four.y = list[i + 1];
+            four.z = list[i + 2];
+            four.w = list[i + 3];
+        }
     }
-    own
+    four
 }
 
 /// Returns four numbers of a node.
