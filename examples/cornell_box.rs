@@ -13,7 +13,7 @@ use softray::prelude::*;
 
 /// Renders the Cornell box with global illumination, then fits the rotation of its short block.
 #[derive(Parser)]
-struct Arguments {
+pub(crate) struct Arguments {
     /// Width and height of the image. A multiple of 64 is compared with the reference.
     #[arg(long, default_value_t = 256)]
     size: usize,
@@ -48,13 +48,17 @@ struct Arguments {
 
 fn main() -> Result<(), Box<dyn Error>> {
     common::log();
-    let arguments = Arguments::parse();
+    run(&Arguments::parse()).map(|_| ())
+}
+
+/// Renders and fits. Returns the angle at the end of the fit, in degrees.
+pub(crate) fn run(arguments: &Arguments) -> Result<f64, Box<dyn Error>> {
     let device = softray::device::named(arguments.device.as_deref())?;
     std::fs::create_dir_all(&arguments.out)?;
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/cornell");
     let file = SceneFile::load(data.join("scene.json"), &device)?;
-    picture(&arguments, &file, &data)?;
-    fit(&arguments, &file, &device)
+    picture(arguments, &file, &data)?;
+    fit(arguments, &file, &device)
 }
 
 fn picture(arguments: &Arguments, file: &SceneFile, data: &Path) -> Result<(), Box<dyn Error>> {
@@ -129,7 +133,7 @@ fn both<T: Send>(f: impl Fn(usize) -> softray::Result<T> + Sync) -> softray::Res
     Ok([a?, b?])
 }
 
-fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), Box<dyn Error>> {
+fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<f64, Box<dyn Error>> {
     const SIZE: usize = 48;
     let options = RenderOptions::new(SIZE, SIZE)
         .with_bounces(1)
@@ -199,5 +203,5 @@ fn fit(arguments: &Arguments, file: &SceneFile, device: &Device) -> Result<(), B
     let path = arguments.out.join("cornell_box_fit.png");
     HostImage::side_by_side(&[&before, &after, &target_image]).write(&path)?;
     println!("wrote {} (before, after, target)", path.display());
-    Ok(())
+    Ok(found)
 }

@@ -6,6 +6,8 @@ use std::path::PathBuf;
 
 #[path = "../../examples/camera_pose.rs"]
 mod camera_pose;
+#[path = "../../examples/cornell_box.rs"]
+mod cornell_box;
 #[path = "../../examples/fig1_gradients.rs"]
 mod fig1_gradients;
 #[path = "../../examples/fig2_shadow.rs"]
@@ -47,6 +49,18 @@ macro_rules! quick {
         assert!(figure.exists(), "{figure:?}");
         outcome
     }};
+}
+
+/// The first command of README: from 10° to the target, in fewer steps and samples of the picture.
+#[test]
+fn angle_of_a_block() {
+    let out = out("cornell_box");
+    let folder = out.to_str().expect("a path");
+    let line = ["", "--spp", "1", "--steps", "100", "--out", folder];
+    let arguments = <cornell_box::Arguments as clap::Parser>::parse_from(line);
+    let angle = cornell_box::run(&arguments).expect("a fit");
+    assert!(angle.abs() < 1.0, "{angle}");
+    assert!(out.join("cornell_box_fit.png").exists());
 }
 
 /// The derivative image of the first figure against central differences of sharp renders. Blur and
