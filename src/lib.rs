@@ -103,9 +103,10 @@ pub mod prelude {
     #[cfg(feature = "fit")]
     pub use crate::optim::{Evaluation, Fit, Rate};
     pub use crate::render::{
-        Batch, Diagnostics, EmitterSampling, Engine, HierarchyCache, Image, ImageBatch, Program,
-        RenderOptions, Sampling, Sequence, SoftmaxOptions, Statistics, SurfaceSampling, Visibility,
-        overview, render, render_batch, render_pixels,
+        Batch, Diagnostics, EmitterSampling, Engine, HierarchyCache, Image, ImageBatch,
+        ImageDerivative, Program, RenderOptions, Sampling, Sequence, SoftmaxOptions, Statistics,
+        SurfaceSampling, Tangent, Visibility, overview, render, render_batch, render_derivative,
+        render_pixels,
     };
     pub use crate::scene::{
         Bounds, Bsdf, Camera, ColorTexture, Environment, Light, Material, Mesh, Object, Parameter,

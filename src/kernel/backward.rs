@@ -5,7 +5,7 @@ use std::ops::Deref;
 
 use macro_rules_attribute::apply;
 
-use super::walk::{Back, Level, PathBlock, Seen, Walks, Way, Work};
+use super::walk::{Back, Lanes, Level, PathBlock, Seen, Walks, Way, Work};
 use crate::accel::{NOTHING, stage};
 use crate::model::V3;
 use crate::model::camera::CameraGradient;
@@ -44,6 +44,20 @@ impl Return<'_> {
         self.upstream[level.paths[lane] as usize].radiance
     }
 
+    /// Returns the part of this derivative that belongs to a channel, and the sums of the channel.
+    #[inline(always)]
+    fn of_channel(&self, channel: usize, level: &Level, lane: usize) -> (V3, Sums<'_>) {
+        let path = level.paths[lane] as usize;
+        let by_light = self.sums.radiance_of(self.upstream[path].radiance, channel);
+        (by_light, self.sums_of(channel, path))
+    }
+
+    /// Returns the sums for a channel of a path.
+    #[inline(always)]
+    pub fn sums_of(&self, channel: usize, path: usize) -> Sums<'_> {
+        self.sums.of_pixel(self.paths[path].numbers.pixel, channel)
+    }
+
     /// Goes back along the paths and adds the derivatives of the light of each path, times its upstream gradient.
     pub fn go_back(&self, work: &mut Work) {
         work.yields.paths += std::mem::take(&mut work.counts.rays) as f64;
@@ -54,16 +68,22 @@ impl Return<'_> {
             find_moving(self, &mut back);
             self.begin_edges(&mut back.edges);
         }
-        // Nothing comes after the last points.
-        back.step(walks.levels[walks.depth - 1].len());
-        back.swap();
+        let channels = self.sums.channels();
+        back.channels.resize_with(channels, Lanes::default);
+        for lanes in &mut back.channels {
+            // Nothing comes after the last points.
+            lanes.step(walks.levels[walks.depth - 1].len());
+            lanes.swap();
+        }
         for at in (0..walks.depth).rev() {
             let level = &walks.levels[at];
-            back.points.clear();
-            back.points.resize(level.len(), PointGradient::default());
-            ways_backward(self, level, &mut back);
-            if self.settings.interior {
-                lights_backward(self, level, &mut back);
+            for (channel, lanes) in back.channels.iter_mut().enumerate() {
+                lanes.points.clear();
+                lanes.points.resize(level.len(), PointGradient::default());
+                ways_backward(self, channel, level, lanes);
+                if self.settings.interior {
+                    lights_backward(self, channel, level, lanes);
+                }
             }
             if jumps {
                 self.edges_backward(level, at as u32, &mut back, work);
@@ -72,10 +92,14 @@ impl Return<'_> {
                 0 => self.paths.len(),
                 _ => walks.levels[at - 1].len(),
             };
-            back.step(before);
-            points_backward(self, level, at == 0, &mut back);
+            for (channel, lanes) in back.channels.iter_mut().enumerate() {
+                lanes.step(before);
+                points_backward(self, channel, level, at == 0, lanes);
+            }
         }
-        cameras_backward(self, &back);
+        for (channel, lanes) in back.channels.iter().enumerate() {
+            cameras_backward(self, channel, lanes);
+        }
         work.counts.rays = 0;
         work.back = back;
     }
@@ -105,7 +129,7 @@ fn find_moving<'a>(to: &'a Return<'a>, back: &'a mut Back) {
 
 /// The backward pass of the rays with which paths leave their points.
 #[apply(stage!)]
-fn ways_backward<'a>(to: &'a Return<'a>, level: &'a Level, back: &'a mut Back) {
+fn ways_backward<'a>(to: &'a Return<'a>, channel: usize, level: &'a Level, back: &'a mut Lanes) {
     for lane in 0..level.len() {
         let (by_next, by_leaving) = (back.throughputs[lane], back.rays[lane]);
         back.throughputs[lane] = V3::ZERO;
@@ -114,9 +138,10 @@ fn ways_backward<'a>(to: &'a Return<'a>, level: &'a Level, back: &'a mut Back) {
         }
         let left = level.leavings.get(lane);
         let escaped = level.ways[lane] == Way::Escaped && to.settings.interior;
+        let (by_light, sums) = to.of_channel(channel, level, lane);
         back.throughputs[lane] = leave_backward(
             &to.lists,
-            to.sums,
+            &sums,
             &level.points.get(lane),
             &level.scatters.get(lane),
             &left.bend,
@@ -125,7 +150,7 @@ fn ways_backward<'a>(to: &'a Return<'a>, level: &'a Level, back: &'a mut Back) {
             level.throughputs.get(lane),
             by_next,
             by_leaving,
-            to.by_light(level, lane),
+            by_light,
             &mut back.points[lane],
         );
     }
@@ -133,14 +158,17 @@ fn ways_backward<'a>(to: &'a Return<'a>, level: &'a Level, back: &'a mut Back) {
 
 /// The backward pass of light from emitters, delta lights and environment maps.
 #[apply(stage!)]
-fn lights_backward<'a>(to: &'a Return<'a>, level: &'a Level, back: &'a mut Back) {
+fn lights_backward<'a>(to: &'a Return<'a>, channel: usize, level: &'a Level, back: &'a mut Lanes) {
     let lists = &to.lists;
     for light in &level.lights {
         let lane = light.lane as usize;
-        let (g, time) = (to.by_light(level, lane), to.path(level, lane).time);
+        let ((g, sums), time) = (
+            to.of_channel(channel, level, lane),
+            to.path(level, lane).time,
+        );
         let (point, carried) = (&level.points.get(lane), level.throughputs.get(lane));
         let (k, weights, arrived) = (light.emitter, light.weights, light.arrived);
-        let (by, sums) = (&mut back.points[lane], to.sums);
+        let (by, sums) = (&mut back.points[lane], &sums);
         back.throughputs[lane] += if k == NONE {
             let target = Target::of_map(light.direction);
             map_backward(lists, sums, point, target, arrived, carried, g, by)
@@ -155,7 +183,13 @@ fn lights_backward<'a>(to: &'a Return<'a>, level: &'a Level, back: &'a mut Back)
 
 /// The backward pass from points to the rays that reached them.
 #[apply(stage!)]
-fn points_backward<'a>(to: &'a Return<'a>, level: &'a Level, first: bool, back: &'a mut Back) {
+fn points_backward<'a>(
+    to: &'a Return<'a>,
+    channel: usize,
+    level: &'a Level,
+    first: bool,
+    back: &'a mut Lanes,
+) {
     let interior = to.settings.interior;
     for lane in 0..level.len() {
         let point = level.points.get(lane);
@@ -165,44 +199,46 @@ fn points_backward<'a>(to: &'a Return<'a>, level: &'a Level, first: bool, back: 
             continue;
         }
         let path = level.paths[lane] as usize;
-        let by = &mut back.points[lane];
+        let (by, sums) = (&mut back.points[lane], to.sums_of(channel, path));
         let mut by_t = 0.0;
         if seen {
-            by_t = seen_backward(&to.lists, to.sums, &point, to.upstream[path], by);
+            let upstream = sums.of_channel(to.upstream[path], channel);
+            by_t = seen_backward(&to.lists, &sums, &point, &upstream, by);
         }
         let time = to.paths[path].time;
         let before = level.before[lane] as usize;
         back.throughputs_before[before] = back.throughputs[lane];
-        back.rays_before[before] = point_backward(&to.lists, to.sums, &point, time, by, by_t);
+        back.rays_before[before] = point_backward(&to.lists, &sums, &point, time, by, by_t);
     }
     back.swap();
 }
 
 /// The backward pass of camera rays, and of the light of the environment that they see.
 #[apply(stage!)]
-fn cameras_backward<'a>(to: &'a Return<'a>, back: &'a Back) {
+fn cameras_backward<'a>(to: &'a Return<'a>, channel: usize, back: &'a Lanes) {
     let (lists, of) = (&to.lists, &to.wanted.of);
     let sky = of.sky || (of.camera && to.features.sky_map);
     for (i, path) in to.paths.iter().enumerate() {
         let ray = to.walks.cameras.get(i);
-        let mut by = back.rays[i];
+        let (mut by, sums) = (back.rays[i], to.sums_of(channel, i));
         if to.walks.list[i].seen == NOTHING {
             if !to.settings.interior || !sky {
                 continue;
             }
-            by.direction = sky_backward(lists, to.sums, ray.direction, to.upstream[i].radiance);
+            let by_light = sums.radiance_of(to.upstream[i].radiance, channel);
+            by.direction = sky_backward(lists, &sums, ray.direction, by_light);
         }
         if of.camera {
             let mut gradient = CameraGradient::default();
             let pixel = middle_of(lists, path.numbers.pixel);
             let (origin, direction) = (by.origin, by.direction);
             (to.camera).ray_backward(&ray, pixel, origin, direction, &mut gradient);
-            add_to_camera(to.sums, &gradient);
+            add_to_camera(&sums, &gradient);
         }
     }
 }
 
-impl Back {
+impl Lanes {
     /// Makes room for the derivatives of the previous level.
     fn step(&mut self, before: usize) {
         self.throughputs_before.clear();

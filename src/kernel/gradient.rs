@@ -1,13 +1,14 @@
 //! The required derivatives, their sums on the host, and the gradients of tensors that follow from these sums.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::scene::KernelScene;
 use crate::model::{V3, v3};
 use crate::scene::{CHANNELS, Channel, LightPart, ParameterId};
 use crate::trace::{
     AREAS, CAMERAS, COLORS, Derivatives, LIGHTS, MATERIALS, NORMALS, OF_CAMERA, OF_LIGHT, PARTS,
-    SKY, Sums, TANGENTS, TEXELS, TRIANGLES, UVS, VELOCITIES, VERTICES,
+    SKY, SumTangents, Sums, TANGENTS, TEXELS, TRIANGLES, UVS, VELOCITIES, VERTICES,
 };
 
 /// The derivatives that are required.
@@ -113,13 +114,14 @@ impl Wanted {
     }
 }
 
-/// Sums of derivatives with respect to a scene and a camera.
-#[derive(Clone, Debug)]
+/// Sums of derivatives with respect to a scene and a camera, or in forward mode the derivatives of pixels.
 pub(crate) struct HostSums {
     numbers: Vec<f64>,
     /// The index of the first number of each part.
     first: [u32; PARTS],
     of: Derivatives,
+    /// In forward mode: the tangents, and the pixels whose derivatives are the numbers.
+    forward: Option<(Arc<SumTangents>, Range<u32>)>,
 }
 
 impl HostSums {
@@ -133,6 +135,30 @@ impl HostSums {
             numbers: vec![0.0; count],
             first,
             of: wanted.of,
+            forward: None,
+        }
+    }
+
+    /// Makes the derivatives and values `[P, C, K + 1]` of pixels from the tangents of these sums.
+    pub fn into_pixels(self, tangents: SumTangents, pixels: Range<u32>) -> Self {
+        Self {
+            forward: Some((Arc::new(tangents), pixels.clone())),
+            ..self
+        }
+        .empty(pixels)
+    }
+
+    /// Returns empty sums of the same form, in forward mode for some of the pixels.
+    pub fn empty(&self, pixels: Range<u32>) -> Self {
+        let forward = self.forward.as_ref().map(|f| (f.0.clone(), pixels));
+        let count = match &forward {
+            None => self.numbers.len(),
+            Some((tangents, pixels)) => pixels.len() * tangents.of_pixel(),
+        };
+        Self {
+            numbers: vec![0.0; count],
+            forward,
+            ..*self
         }
     }
 
@@ -140,19 +166,37 @@ impl HostSums {
         self.numbers.len()
     }
 
+    /// Returns the derivatives and values `[P, C, K + 1]` of pixels in forward mode.
+    pub fn into_numbers(self) -> Vec<f64> {
+        self.numbers
+    }
+
     /// Returns the sums in the form to which stages add.
     pub fn sums(&mut self) -> Sums<'_> {
-        Sums::new(&mut self.numbers, &self.first, self.of)
+        let sums = Sums::new(&mut self.numbers, &self.first, self.of);
+        match &self.forward {
+            None => sums,
+            Some((tangents, pixels)) => sums.forward(tangents, pixels.start),
+        }
     }
 
     pub fn add(&mut self, o: &Self) {
-        add_each(&mut self.numbers, &o.numbers);
+        let mut skipped = 0;
+        if let (Some((tangents, all)), Some((_, own))) = (&self.forward, &o.forward) {
+            skipped = (own.start - all.start) as usize * tangents.of_pixel();
+        }
+        add_each(&mut self.numbers[skipped..], &o.numbers);
+    }
+
+    /// Returns the index of the first number of a part, and the index after its last one.
+    pub(super) fn range(&self, part: u32) -> Range<usize> {
+        let past = self.first.get(part as usize + 1);
+        let past = past.map_or(self.numbers.len(), |&past| past as usize);
+        self.first[part as usize] as usize..past
     }
 
     fn part(&self, part: u32) -> &[f64] {
-        let past = self.first.get(part as usize + 1);
-        let past = past.map_or(self.numbers.len(), |&past| past as usize);
-        &self.numbers[self.first[part as usize] as usize..past]
+        &self.numbers[self.range(part)]
     }
 
     /// Returns a vector of a part.

@@ -5,8 +5,8 @@
 //! blocks of paths and the levels that they reach. `path` traces them forward, with direct light from `direct`, and
 //! `eights` computes steps on matt surfaces for eight paths at once. `backward` goes back over the levels. `edges`
 //! collects and draws the edges at which visibility jumps, `boundary` traces the contributions of the jumps, and
-//! `shares` computes the number of samples for them. `gradient` holds the sums of derivatives, and `tasks` renders the
-//! pixels of a core.
+//! `shares` computes the number of samples for them. `gradient` holds the sums of derivatives, `tangents` the tangents that
+//! forward mode multiplies with them, and `tasks` renders the pixels of a core.
 
 mod backward;
 mod boundary;
@@ -18,6 +18,7 @@ mod lists;
 mod path;
 mod scene;
 mod shares;
+mod tangents;
 mod tasks;
 #[cfg(test)]
 mod tests;

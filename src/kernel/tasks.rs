@@ -129,6 +129,9 @@ impl View {
                 sums,
             };
             back.go_back(work);
+            for ((path, walk), upstream) in back.paths.iter().zip(&walks.list).zip(&upstream) {
+                sums.add_values(path.numbers.pixel, upstream, &walk.light);
+            }
         };
         self.each_block(&pixels, samples, kept, work, go_back);
     }

@@ -317,9 +317,19 @@ pub(crate) struct Work {
     pub(crate) yields: Yields,
 }
 
-/// The derivatives of the backward pass, one for each lane.
+/// The derivatives of the backward pass, for each channel.
 #[derive(Default)]
 pub(super) struct Back {
+    pub channels: Vec<Lanes>,
+    /// Random numbers for edges, for each path.
+    pub edges: Vec<Stream>,
+    /// For each level and lane, whether the point moves or the direction in which it is seen turns.
+    pub moves: Vec<Vec<bool>>,
+}
+
+/// The derivatives of a channel, one for each lane.
+#[derive(Default)]
+pub(super) struct Lanes {
     pub points: Vec<PointGradient>,
     /// Derivatives with respect to the throughput after a point, later with respect to the throughput before it; and
     /// (in `rays`) with respect to the ray that leaves the point.
@@ -328,10 +338,6 @@ pub(super) struct Back {
     /// Derivatives with respect to the throughput that leaves the previous point, and to its ray.
     pub throughputs_before: Vec<V3>,
     pub rays_before: Vec<RayGradient>,
-    /// Random numbers for edges, for each path.
-    pub edges: Vec<Stream>,
-    /// For each level and lane, whether the point moves or the direction in which it is seen turns.
-    pub moves: Vec<Vec<bool>>,
 }
 
 impl Work {

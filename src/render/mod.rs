@@ -5,6 +5,7 @@ mod batch;
 mod cache;
 mod checks;
 mod debug;
+mod derivative;
 mod film;
 mod kernel;
 mod mistakes;
@@ -12,6 +13,7 @@ mod node;
 mod options;
 mod outputs;
 mod overview;
+mod tangent;
 mod tensors;
 mod tiles;
 
@@ -29,10 +31,12 @@ pub use crate::sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub use crate::tensors::{Diagnostics, SoftmaxOptions, Visibility};
 pub use batch::Batch;
 pub use cache::HierarchyCache;
+pub use derivative::{ImageDerivative, render_derivative};
 pub use film::{Image, ImageBatch, Program, Statistics, SurfacesPerRay};
 pub use options::{Engine, RenderOptions};
 pub use outputs::Outputs;
 pub use overview::overview;
+pub use tangent::Tangent;
 
 /// Renders a scene and returns an image `[H, W, 3]`.
 ///

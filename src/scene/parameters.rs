@@ -1,5 +1,6 @@
 //! Visits of all differentiable values of a scene and its camera, in one order.
 
+use std::collections::HashSet;
 use std::ops::Range;
 
 use burn::tensor::Tensor;
@@ -206,9 +207,11 @@ impl Scene {
     }
 }
 
-/// The tracked tensors, flattened, and the range of each in their concatenation.
+/// The tracked or chosen tensors, flattened, and the range of each in their concatenation.
 #[derive(Default)]
 pub(crate) struct Collect {
+    /// The tensors to collect, in place of those that are tracked.
+    pub chosen: Option<HashSet<ParameterId>>,
     pub places: Vec<(ParameterId, Range<usize>)>,
     pub rows: Vec<Tensor<1>>,
     /// The length of the concatenation.
@@ -225,7 +228,8 @@ impl Collect {
 
 impl Visit for Collect {
     fn visit<const D: usize>(&mut self, id: ParameterId, tensor: &mut Tensor<D>) {
-        if tensor.is_tracked() {
+        let chosen = self.chosen.as_ref().map(|ids| ids.contains(&id));
+        if chosen.unwrap_or_else(|| tensor.is_tracked()) {
             let count: usize = tensor.dims().iter().product();
             self.places.push((id, self.size..self.size + count));
             self.rows.push(tensor.clone().reshape([count]));

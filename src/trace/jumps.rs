@@ -76,6 +76,15 @@ pub(crate) fn edge_view(scene: &Scene, o: &Observer, s: &Search, p: EdgePoint) -
     }
 }
 
+impl EdgeView {
+    /// Returns this view for a channel of the sums.
+    #[inline(always)]
+    pub fn of_channel(&self, sums: &Sums, channel: usize) -> Self {
+        let carried = sums.radiance_of(self.carried, channel);
+        Self { carried, ..*self }
+    }
+}
+
 #[cfg_attr(feature = "gpu", cube)]
 impl EdgeView {
     /// Returns the ray to the edge's point, and the faces beside it.

@@ -58,6 +58,16 @@ impl Seen {
         all.add(self, factor);
         all
     }
+
+    /// Returns the product of each number with that of `mask`.
+    pub fn masked(&self, mask: &Self) -> Self {
+        Self {
+            radiance: self.radiance.times(mask.radiance),
+            opacity: self.opacity * mask.opacity,
+            depth: self.depth * mask.depth,
+            normal: self.normal.times(mask.normal),
+        }
+    }
 }
 
 /// Returns the radiance that a surface point emits toward the point that sees it.

@@ -1,10 +1,14 @@
 //! Accumulation of derivatives: in f64 on the host, in [`Totals`](super::Totals) on a GPU.
+//!
+//! In forward mode the stages are the same: a derivative with respect to a parameter is multiplied by the parameter's
+//! tangents as soon as it is added, and the products are sums of the pixel.
 
 use std::cell::Cell;
 
 use super::Derivatives;
 use super::parts::{CAMERAS, LIGHTS, OF_LIGHT};
 use super::scene::Scene;
+use super::seen::Seen;
 #[cfg(feature = "gpu")]
 use super::totals::{Totals, TotalsExpand};
 use crate::cube::*;
@@ -19,6 +23,38 @@ pub(crate) struct Sums<'a> {
     /// Index of the first sum of each part.
     first: &'a [u32],
     pub of: Derivatives,
+    forward: Option<Forward<'a>>,
+}
+
+/// The sums of forward mode.
+#[derive(Clone, Copy)]
+struct Forward<'a> {
+    tangents: &'a SumTangents,
+    /// The first pixel that has sums, and the place of the sums of the current pixel and channel.
+    first_pixel: u32,
+    at: usize,
+}
+
+/// What forward mode multiplies with derivatives with respect to the sums' parameters.
+pub(crate) struct SumTangents {
+    /// The number of directions, `K`.
+    pub directions: usize,
+    /// One entry for each sum and direction, `[S, K]`.
+    pub values: Vec<f64>,
+    /// The channels of a pixel: each is 1 in one of the outputs.
+    pub channels: Vec<Seen>,
+}
+
+impl SumTangents {
+    /// Returns the number of sums of a channel: its derivatives, and its value.
+    pub fn of_channel(&self) -> usize {
+        self.directions + 1
+    }
+
+    /// Returns the number of sums of a pixel.
+    pub fn of_pixel(&self) -> usize {
+        self.channels.len() * self.of_channel()
+    }
 }
 
 /// In kernels this type stands for [`Totals`], which has the same methods and field; [`sums_of`] converts.
@@ -33,13 +69,80 @@ impl<'a> Sums<'a> {
             numbers: Cell::from_mut(numbers).as_slice_of_cells(),
             first,
             of,
+            forward: None,
+        }
+    }
+
+    /// Makes these the sums `[P, C, K + 1]` of the pixels from `first_pixel` on.
+    pub fn forward(self, tangents: &'a SumTangents, first_pixel: u32) -> Self {
+        let forward = Some(Forward {
+            tangents,
+            first_pixel,
+            at: 0,
+        });
+        Self { forward, ..self }
+    }
+
+    /// The number of backward passes over the same paths: one for a loss, and in forward mode one for each channel.
+    #[inline(always)]
+    pub fn channels(&self) -> usize {
+        match &self.forward {
+            None => 1,
+            Some(forward) => forward.tangents.channels.len(),
+        }
+    }
+
+    /// Returns the sums for a channel of a pixel.
+    #[inline(always)]
+    pub fn of_pixel(&self, pixel: u32, channel: usize) -> Self {
+        let mut of = *self;
+        if let Some(forward) = &mut of.forward {
+            let own = (pixel - forward.first_pixel) as usize;
+            let channels = own * forward.tangents.channels.len() + channel;
+            forward.at = channels * forward.tangents.of_channel();
+        }
+        of
+    }
+
+    /// Returns the part of an upstream gradient that belongs to a channel.
+    #[inline(always)]
+    pub fn of_channel(&self, upstream: &Seen, channel: usize) -> Seen {
+        match &self.forward {
+            None => *upstream,
+            Some(forward) => upstream.masked(&forward.tangents.channels[channel]),
+        }
+    }
+
+    /// The same for radiance.
+    #[inline(always)]
+    pub fn radiance_of(&self, upstream: V3, channel: usize) -> V3 {
+        match &self.forward {
+            None => upstream,
+            Some(forward) => upstream.times(forward.tangents.channels[channel].radiance),
+        }
+    }
+
+    /// Adds to the values of a pixel in forward mode: `light` times the weight `upstream` of each channel.
+    pub fn add_values(&self, pixel: u32, upstream: &Seen, light: &Seen) {
+        for channel in 0..self.channels() {
+            let sums = self.of_pixel(pixel, channel);
+            if let Some(forward) = &sums.forward {
+                let to = &self.numbers[forward.at + forward.tangents.directions];
+                let value = sums.of_channel(upstream, channel).jump(light);
+                to.set(to.get() + f64::from(value));
+            }
         }
     }
 
     /// Adds a derivative to a sum of a part.
     #[inline(always)]
     pub fn add(&self, at: u32, value: f32, part: u32) {
-        let to = &self.numbers[(self.first[part as usize] + at) as usize];
+        let at = (self.first[part as usize] + at) as usize;
+        if let Some(forward) = &self.forward {
+            self.add_products(forward, at, &[value]);
+            return;
+        }
+        let to = &self.numbers[at];
         to.set(to.get() + f64::from(value));
     }
 
@@ -47,10 +150,30 @@ impl<'a> Sums<'a> {
     #[inline(always)]
     pub fn add_vector(&self, at: u32, value: V3, part: u32) {
         let first = (self.first[part as usize] + at) as usize;
+        if let Some(forward) = &self.forward {
+            self.add_products(forward, first, &value.to_array());
+            return;
+        }
         let to = &self.numbers[first..first + 3];
         to[0].set(to[0].get() + f64::from(value.x));
         to[1].set(to[1].get() + f64::from(value.y));
         to[2].set(to[2].get() + f64::from(value.z));
+    }
+
+    /// Adds the products of derivatives and the tangents of their parameters. It is not inlined, so that it takes no
+    /// room in the code of gradients.
+    #[inline(never)]
+    fn add_products(&self, forward: &Forward, first: usize, by: &[f32]) {
+        let k = forward.tangents.directions;
+        let to = &self.numbers[forward.at..][..k];
+        let tangents = forward.tangents.values[first * k..].chunks_exact(k);
+        for (&by, tangents) in by.iter().zip(tangents) {
+            if by != 0.0 {
+                for (to, tangent) in to.iter().zip(tangents) {
+                    to.set(to.get() + f64::from(by) * tangent);
+                }
+            }
+        }
     }
 }
 

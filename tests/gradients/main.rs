@@ -8,6 +8,7 @@ mod classes;
 mod cone;
 mod cornell;
 mod engines;
+mod forward;
 mod memory;
 mod replay;
 mod shadow;

@@ -103,11 +103,15 @@ fn backward<'a>(
     let points = drawn.points.iter().zip(&drawn.paths);
     for (((point, g), path), light) in points.zip(&work.side_lights) {
         if let Some(light) = light {
-            let jump = g.jump(light);
-            let scale = jump * point.point.per_density;
-            if scale.is_finite() && scale != 0.0 {
-                let largest = point.backward(&view.lists, sums, &view.camera, jump, path.time);
-                squares += f64::from(largest).powi(2);
+            let pixel = point.film.y as u32 * view.settings.width + point.film.x as u32;
+            for channel in 0..sums.channels() {
+                let jump = sums.of_channel(g, channel).jump(light);
+                let scale = jump * point.point.per_density;
+                if scale.is_finite() && scale != 0.0 {
+                    let (sums, c) = (sums.of_pixel(pixel, channel), &view.camera);
+                    let largest = point.backward(&view.lists, &sums, c, jump, path.time);
+                    squares += f64::from(largest).powi(2);
+                }
             }
         }
     }

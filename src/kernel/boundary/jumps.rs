@@ -68,7 +68,7 @@ impl Return<'_> {
             work.rays.push(ray);
         }
         find_beside::<true>(self, work);
-        let squares = shadows_backward(self, &shadows, back, work);
+        let squares = shadows_backward(self, level, &shadows, back, work);
         work.yields.edges[SHADOWS].add(squares, shadows.len() as f64);
         let approaches: Vec<Approach> = reflections.iter().map(EdgeJump::approach).collect();
         let sides = sampler(&self.lists, OF_SIDES);
@@ -83,7 +83,7 @@ impl Return<'_> {
         let bounce = (bounce < self.settings.bounces).then_some(bounce + 1);
         let paths = (&*beside, self.cones);
         let rays = light_beside(self, &approaches, paths, bounce, false, work);
-        let squares = reflections_backward(self, &reflections, &beside, back, work);
+        let squares = reflections_backward(self, level, &reflections, &beside, back, work);
         work.yields.edges[REFLECTED].add(squares, rays);
     }
 }
@@ -232,6 +232,7 @@ fn draw<'a>(
 #[apply(stage!)]
 fn shadows_backward<'a>(
     to: &'a Return<'a>,
+    level: &'a Level,
     list: &'a [EdgeJump],
     back: &'a mut Back,
     work: &'a Work,
@@ -239,10 +240,13 @@ fn shadows_backward<'a>(
     let mut squares = 0.0;
     for (f, (ray, hit)) in list.iter().zip(work.rays.iter().zip(&work.hits)) {
         if hit.triangle == NOTHING {
-            let (o, s, by) = (&f.observer, &f.search, &mut back.points[f.lane]);
-            let (lists, sums, time) = (&to.lists, to.sums, ray.time);
-            let largest = shadow_backward(lists, sums, o, s, &f.view, &f.jump, time, by);
-            squares += f64::from(largest).powi(2);
+            let (o, s, time) = (&f.observer, &f.search, ray.time);
+            for (channel, lanes) in back.channels.iter_mut().enumerate() {
+                let sums = to.sums_of(channel, level.paths[f.lane] as usize);
+                let (e, by) = (f.view.of_channel(&sums, channel), &mut lanes.points[f.lane]);
+                let largest = shadow_backward(&to.lists, &sums, o, s, &e, &f.jump, time, by);
+                squares += f64::from(largest).powi(2);
+            }
         }
     }
     squares
@@ -253,6 +257,7 @@ fn shadows_backward<'a>(
 #[apply(stage!)]
 fn reflections_backward<'a>(
     to: &'a Return<'a>,
+    level: &'a Level,
     list: &'a [EdgeJump],
     beside: &'a [Path],
     back: &'a mut Back,
@@ -261,10 +266,13 @@ fn reflections_backward<'a>(
     let mut squares = 0.0;
     for ((f, path), light) in list.iter().zip(beside).zip(&work.side_lights) {
         if let Some(light) = light {
-            let (o, s, by) = (&f.observer, &f.search, &mut back.points[f.lane]);
-            let (lists, sums, time) = (&to.lists, to.sums, path.time);
-            let largest = reflected_backward(lists, sums, o, s, &f.view, &f.jump, light, time, by);
-            squares += f64::from(largest).powi(2);
+            let (o, s, j, time) = (&f.observer, &f.search, &f.jump, path.time);
+            for (channel, lanes) in back.channels.iter_mut().enumerate() {
+                let sums = to.sums_of(channel, level.paths[f.lane] as usize);
+                let (e, by) = (f.view.of_channel(&sums, channel), &mut lanes.points[f.lane]);
+                let largest = reflected_backward(&to.lists, &sums, o, s, &e, j, light, time, by);
+                squares += f64::from(largest).powi(2);
+            }
         }
     }
     squares

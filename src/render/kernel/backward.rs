@@ -1,4 +1,5 @@
-//! The backward pass. It traces the paths again and sums derivatives into the parent's gradient.
+//! The backward pass. It traces the paths again and sums derivatives into the parent's gradient. In forward mode the
+//! same pass sums their products with tangents into the derivatives of pixels.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -81,6 +82,23 @@ impl Backward {
         all
     }
 
+    /// Returns the derivatives `[P, C, K + 1]` of all pixels of the only view for K directions of the parent, and the
+    /// pixels' values after them. Edges are drawn as for a loss that depends on all channels of all pixels equally.
+    pub fn derivatives(&self, directions: &[Vec<f64>]) -> Vec<f64> {
+        let (view, places) = &self.views[0];
+        let channels = self.rows.derived();
+        let units = (0..channels).map(|channel| {
+            let row = |row: usize| f64::from(row == channel);
+            self.rows.upstream(row, 1.0)
+        });
+        let places = (&*places.scene, &*places.camera);
+        let (sums, tangents) = view.tangents(places, directions, units.collect());
+        let mut all = sums.into_pixels(tangents, 0..self.pixels.len() as u32);
+        let rows = vec![1.0; self.rows.count() * self.pixels.len()];
+        self.add(view, &self.loss_gradient(view, &rows), &mut all);
+        all.into_numbers()
+    }
+
     /// Adds the derivatives of the loss with respect to the scenes and cameras of some views.
     fn add_group(&self, views: &[(View, Places)], rows: &[f64], all: &mut [f64]) {
         let of_view = self.rows.count() * self.pixels.len();
@@ -149,8 +167,14 @@ impl Backward {
         let samples_log = view.lists().samples_log;
         let usual = [true, false].map(|of_light| usual_searches(of_light, samples_log));
         let tiles: Vec<&[Tile]> = self.tiles.chunks(each).collect();
+        let range = |tiles: &[Tile]| {
+            let past = tiles.iter().map(|t| t.first + t.pixels).max();
+            tiles[0].first as u32..past.unwrap_or_default() as u32
+        };
+        let ranges: Vec<Range<u32>> = tiles.iter().map(|tiles| range(tiles)).collect();
+        let empty = all.empty(0..view.settings.width * view.settings.height);
         let mut of_pixels = |searches, chosen: &(dyn Fn(u32) -> bool + Sync)| {
-            add_in_order(view, tiles.len(), all, |i, work, sums| {
+            add_in_order(&ranges, all, |i, work, sums| {
                 for tile in tiles[i] {
                     let pixels = &upstream[tile.first..tile.first + tile.pixels];
                     let pixels: Vec<_> = pixels.iter().filter(|p| chosen(p.0)).copied().collect();
@@ -168,7 +192,7 @@ impl Backward {
         if self.shares && jumps && enough {
             let mut yields = of_pixels(usual, &first).times(f64::from(FIRST));
             if let Some(film) = film {
-                yields += film.first(view).times(f64::from(FIRST_ON_FILM));
+                yields += film.first(view, &empty).times(f64::from(FIRST_ON_FILM));
             }
             shares = yields.shares(samples_log);
             let searches = [0, 1].map(|kind| usual[kind] * shares[kind]);
@@ -183,23 +207,23 @@ impl Backward {
     }
 }
 
-/// Computes parts on all cores, each in its own sums, and adds them in order. Few parts are in memory at once.
-/// Returns the variance and cost of the edge samples.
+/// Computes parts on all cores, each in its own sums, and adds them in order. Few parts are in memory at once. In forward
+/// mode a part contributes to its range of pixels. Returns the variance and cost of the edge samples.
 fn add_in_order(
-    view: &View,
-    count: usize,
+    parts: &[Range<u32>],
     all: &mut HostSums,
     part: impl Fn(usize, &mut Work, &mut HostSums) + Sync,
 ) -> Yields {
     let next = AtomicUsize::new(0);
+    let empty = all.empty(0..0);
     // The sums, the variance and cost, the number of added parts, and parts that finished early.
     let added = Mutex::new((all, Yields::default(), 0, BTreeMap::new()));
     let of_core = |_| loop {
         let i = next.fetch_add(1, Ordering::Relaxed);
-        if i >= count {
+        let Some(pixels) = parts.get(i) else {
             return;
-        }
-        let mut sums = HostSums::new(&view.scene, &view.wanted);
+        };
+        let mut sums = empty.empty(pixels.clone());
         let mut work = Work::new(0);
         part(i, &mut work, &mut sums);
         let mut added = added.lock().unwrap_or_else(PoisonError::into_inner);
@@ -245,7 +269,9 @@ impl Film {
     ) -> Yields {
         let count = samples.len() as u32;
         let each = count.div_ceil(accumulators as u32).max(256);
-        add_in_order(view, count.div_ceil(each) as usize, all, |i, work, sums| {
+        let pixels = 0..view.settings.width * view.settings.height;
+        let parts = vec![pixels; count.div_ceil(each) as usize];
+        add_in_order(&parts, all, |i, work, sums| {
             let first = samples.start + i as u32 * each;
             let range = first..(first + each).min(samples.end);
             view.film_backward(&self.edges, &self.pixels, range, count, work, sums);
@@ -253,9 +279,9 @@ impl Film {
     }
 
     /// Measures the variance and cost of a few edge samples, with independent random numbers.
-    fn first(&self, view: &View) -> Yields {
+    fn first(&self, view: &View, empty: &HostSums) -> Yields {
         let count = self.samples.div_ceil(FIRST_ON_FILM);
-        let mut sums = HostSums::new(&view.scene, &view.wanted);
+        let mut sums = empty.empty(0..view.settings.width * view.settings.height);
         let pilot = MAX_EDGE_SAMPLES..MAX_EDGE_SAMPLES + count;
         let mut yields = self.add(view, pilot, 4, &mut sums);
         // Each sample was one of `count`. Squares fall as the number of samples grows.

@@ -7,9 +7,10 @@ mod prepare;
 mod rows;
 mod trace;
 
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
-use burn::tensor::TensorData;
+use burn::tensor::{Tensor, TensorData};
 
 use super::batch::Batch;
 use super::film::{Means, Program, Statistics};
@@ -18,7 +19,7 @@ use super::options::RenderOptions;
 use crate::error::Result;
 use crate::geometry::Context;
 use crate::kernel::View;
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, ParameterId, Scene};
 use crate::tensors::Diagnostics;
 use crate::warnings::warning;
 use backward::Backward;
@@ -35,7 +36,7 @@ pub(super) fn jumps(
     upstream: &TensorData,
 ) -> Result<Vec<f64>> {
     let batch = Batch::views(vec![scene.clone()], vec![(0, camera.clone())])?;
-    let prepared = prepare(&batch, options, false)?;
+    let prepared = prepare(&batch, options, false, None)?;
     let size = prepared.parent.map_or(0, |p| p.dims()[0]);
     if !prepared.views.iter().any(|(view, _)| view.has_edges) {
         return Ok(vec![0.0; size]);
@@ -44,6 +45,37 @@ pub(super) fn jumps(
     let rows = Rows::new(options.outputs, objects);
     let backward = Backward::new(prepared.views, size, rows, options, pixels);
     Ok(backward.gradient(upstream))
+}
+
+/// Renders a view with its derivatives along directions, each of which has numbers for some tensors. Returns the means
+/// `[K + 1, P, C]`: K derivatives, then the image.
+pub(super) fn derivatives(
+    (scene, camera): (&Scene, &Camera),
+    options: &RenderOptions,
+    directions: &[&HashMap<ParameterId, Vec<f64>>],
+) -> Result<Tensor<3>> {
+    let chosen: HashSet<ParameterId> = directions.iter().flat_map(|d| d.keys().copied()).collect();
+    let batch = Batch::views(vec![scene.clone()], vec![(0, camera.clone())])?;
+    let prepared = prepare(&batch.with_tangents(), options, true, Some(chosen))?;
+    let size = prepared.parent.map_or(0, |p| p.dims()[0]);
+    let (_, places) = &prepared.views[0];
+    let places = places.scene.iter().chain(&places.camera);
+    let mut rows = vec![vec![0.0; size]; directions.len()];
+    for (id, range) in places {
+        for (row, direction) in rows.iter_mut().zip(directions) {
+            if let Some(values) = direction.get(id) {
+                row[range.clone()].copy_from_slice(values);
+            }
+        }
+    }
+    let channels = Rows::new(options.outputs, 0);
+    let backward = Backward::new(prepared.views, size, channels, options, None);
+    let all = backward.derivatives(&rows);
+    let shape = [all.len() / (directions.len() + 1), directions.len() + 1];
+    let all = prepared.context.tensor(&all, shape).transpose();
+    let pixels = options.width * options.height;
+    let count = channels.derived();
+    Ok(all.reshape([directions.len() + 1, pixels, count]))
 }
 
 /// Renders the listed pixels of all views, or all pixels without a list.
@@ -57,7 +89,7 @@ pub(super) fn render(
         parent,
         context,
         lit,
-    } = prepare(batch, options, true)?;
+    } = prepare(batch, options, true, None)?;
     let objects = views.iter().map(|(v, _)| v.scene.lists.counted.len()).max();
     let objects = objects.unwrap_or(0);
     let rows = Rows::new(options.outputs, objects);

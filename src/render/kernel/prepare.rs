@@ -1,6 +1,7 @@
 //! Reads scenes back, packs them and makes views of them. All tracked tensors are concatenated into one row, the only
 //! parent of the images of a batch.
 
+use std::collections::HashSet;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -123,8 +124,13 @@ fn pack(
 }
 
 /// Makes the views of a batch. With `interior`, the backward pass computes interior and boundary terms, otherwise only
-/// boundary terms.
-pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) -> Result<Prepared> {
+/// boundary terms. Derivatives are those by the `chosen` tensors if there are any, and otherwise by the tracked tensors.
+pub(super) fn prepare(
+    batch: &Batch,
+    options: &RenderOptions,
+    interior: bool,
+    chosen: Option<HashSet<ParameterId>>,
+) -> Result<Prepared> {
     let Visibility::Cone { angle, pixels } = options.form() else {
         unreachable!("the softmax is for tensors");
     };
@@ -138,7 +144,10 @@ pub(super) fn prepare(batch: &Batch, options: &RenderOptions, interior: bool) ->
     let last = last.scenes(hosts.len());
     let scenes = stage("lists and boxes", || pack(&mut hosts, &last, options));
 
-    let mut row = Collect::default();
+    let mut row = Collect {
+        chosen,
+        ..Collect::default()
+    };
     let scene_places = collect_scenes(&mut row, batch);
     let mut of_views = Vec::with_capacity(batch.views.len());
     // For each scene the first view whose gradient has boundary terms.

@@ -78,6 +78,12 @@ impl Rows {
         rows.chain(normal.into_iter().flatten())
     }
 
+    /// The number of channels that have derivatives.
+    pub fn derived(&self) -> usize {
+        let o = self.outputs;
+        3 + usize::from(o.need_opacity()) + usize::from(o.depth) + 3 * usize::from(o.normals)
+    }
+
     /// Converts the derivatives with respect to the channels into derivatives with respect to the pixel's values. The
     /// albedo and the channels after it have none.
     pub fn upstream(&self, row: impl Fn(usize) -> f64, unit: f64) -> Seen {

@@ -1,0 +1,152 @@
+//! Images with their derivatives along directions: forward mode.
+
+use std::collections::HashSet;
+
+use burn::tensor::Tensor;
+
+use super::film::{Image, ImageBatch, Means, Statistics};
+use super::kernel;
+use super::options::{Engine, RenderOptions};
+use super::outputs::Outputs;
+use super::tangent::{OnHost, Tangent};
+use crate::error::{Error, Result};
+use crate::scene::{Camera, Scene, check_devices, host_device, visit_tensors};
+
+/// An image and its derivatives, by [`render_derivative`].
+#[derive(Clone)]
+pub struct ImageDerivative {
+    /// The image, from the same samples as its derivatives.
+    pub image: Image,
+    /// For each direction an image of derivatives, in the order of the directions: of radiance `[K, H, W, 3]`, and of
+    /// opacity, depth and normals if requested.
+    pub tangents: ImageBatch,
+}
+
+/// Renders an image and its derivatives along directions of the scene and the camera: Jacobian-vector products.
+///
+/// This is the forward mode of differentiation. Its cost grows slowly with the number of directions, and not with the
+/// number of pixels; that of `backward()` is the other way round. The paths and the edges are those of a backward pass. So
+/// ⟨w, J·v⟩ = ⟨Jᵀ·w, v⟩ for a loss with the derivatives w with respect to pixels: in the mean over seeds, and without
+/// [adaptive edges](RenderOptions::with_adaptive_edges) to rounding if all entries of w have the same absolute value.
+/// (Otherwise a backward pass draws more edges where w is larger.)
+///
+/// Directions come from [`Tangent::new`] or from [`Tangent::of_numbers`].
+///
+/// ```
+/// use softray::prelude::*;
+///
+/// let device = Device::flex();
+/// // A ball by its position in x.
+/// let build = |values: &[f64]| {
+///     let ball = shapes::icosphere(2, &device).translated([values[0], 0.0, 0.0]);
+///     let scene = Scene::new().with_object(Object::new(ball)).with_environment([1.0; 3]);
+///     Ok((scene, Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).with_fov_y(40.0)))
+/// };
+/// let (scene, camera, tangents) = Tangent::of_numbers(&[0.0], build)?;
+/// let options = RenderOptions::new(16, 16).with_samples(16).with_bounces(0);
+/// let derivative = render_derivative(&scene, &camera, &options, &tangents)?;
+/// let by_x = derivative.tangents.view(0).radiance;
+/// // The darker ball moves to the right: pixels become brighter at its left edge and darker at its right edge.
+/// let half = |columns| by_x.clone().slice([0..16, columns]).mean().into_scalar::<f32>();
+/// assert!(half(0..8) > 0.0 && half(8..16) < 0.0);
+/// # Ok::<(), softray::Error>(())
+/// ```
+///
+/// The kernels on the host compute it, on all cores. For scenes on other devices, the scene is copied to the host and
+/// the images are copied back. Gradients do not flow through the result. Albedos and object ids have no derivative and are
+/// not rendered; [`RenderOptions::with_adaptive`] has no effect.
+///
+/// # Errors
+/// Like [`render`](super::render); if there is no direction, a direction does not fit the scene, or the options have the
+/// softmax or [`Engine::Tensors`].
+pub fn render_derivative(
+    scene: &Scene,
+    camera: &Camera,
+    options: &RenderOptions,
+    tangents: &[Tangent],
+) -> Result<ImageDerivative> {
+    let wrong = |field: &str, found: &str, expected: &str| {
+        Err(Error::invalid("render_derivative", field, found, expected))
+    };
+    if tangents.is_empty() {
+        return wrong("tangents", "empty", "at least one direction");
+    }
+    if options.visibility.is_softmax() {
+        return wrong("visibility", "Softmax", "Visibility::Cone");
+    }
+    if options.engine == Engine::Tensors {
+        return wrong("engine", "Tensors", "Engine::Kernels or Engine::Auto");
+    }
+    let mut options = options.clone();
+    options.outputs.albedo = false;
+    options.outputs.object_ids = false;
+    options.check()?;
+    options.check_gradient()?;
+    let pixels = options.width as u128 * options.height as u128;
+    options.check_memory(pixels * (tangents.len() as u128 + 1))?;
+    let context = check_devices(scene)?;
+    let completed = tangents.iter().map(|t| t.clone().completed(scene, camera));
+    let tangents = completed.collect::<Result<Vec<Tangent>>>()?;
+    let chosen: HashSet<_> = tangents
+        .iter()
+        .flat_map(|t| t.values.keys().copied())
+        .collect();
+    let (mut scene, mut camera) = (scene.clone(), camera.clone());
+    let mut on_host = OnHost {
+        device: &host_device().unwrap_or(context.device.clone()),
+        dtype: context.dtype,
+        chosen: &chosen,
+    };
+    visit_tensors(&mut scene, &mut camera, &mut on_host);
+    let directions: Vec<_> = tangents.iter().map(|t| &t.values).collect();
+    let means = kernel::derivatives((&scene, &camera), &options, &directions)?;
+    let means = means.to_device(&context.device);
+    Ok(images(means, &options))
+}
+
+/// Makes images of the means `[K + 1, P, C]`, the last of which are the values.
+fn images(means: Tensor<3>, options: &RenderOptions) -> ImageDerivative {
+    let [count, _, channels] = means.dims();
+    let size = [options.width, options.height];
+    let values = means.clone().narrow(0, count - 1, 1);
+    let tangents = means.narrow(0, 0, count - 1);
+    let of = |mean: Tensor<3>, outputs: Outputs| {
+        let views = mean.dims()[0];
+        let means = Means {
+            mean,
+            objects: 0,
+            statistics: vec![Statistics::default(); views],
+            diagnostics: Vec::new(),
+        };
+        means.images(size, outputs)
+    };
+    let image = of(values.clone(), options.outputs).view(0);
+    // Depth and normals are quotients by the opacity: (a / o)′ = (a′ − (a / o)·o′) / o.
+    let Outputs { depth, normals, .. } = options.outputs;
+    let plain = Outputs {
+        depth: false,
+        normals: false,
+        ..options.outputs
+    };
+    let mut by = of(tangents.clone(), plain);
+    if channels > 4 {
+        let opacity = values.clone().narrow(2, 3, 1);
+        let nothing = opacity.clone().lower_elem(1e-12);
+        let opacity = opacity.mask_fill(nothing.clone(), 1.0);
+        let values = values.narrow(2, 4, channels - 4) / opacity.clone();
+        let by_opacity = tangents.clone().narrow(2, 3, 1);
+        let all = (tangents.narrow(2, 4, channels - 4) - values * by_opacity) / opacity;
+        let all = all.clone().mask_fill(nothing.expand(all.dims()), 0.0);
+        let [width, height] = size;
+        let first = count - 1;
+        by.depth = depth.then(|| all.clone().narrow(2, 0, 1).reshape([first, height, width]));
+        by.normals = normals.then(|| {
+            let normals = all.narrow(2, channels - 7, 3);
+            normals.reshape([first, height, width, 3])
+        });
+    }
+    ImageDerivative {
+        image,
+        tangents: by,
+    }
+}

@@ -1,0 +1,391 @@
+//! Directions in which a scene and its camera change.
+
+use std::collections::{HashMap, HashSet};
+use std::fmt;
+
+use burn::tensor::{DType, Device, Tensor, TensorData};
+
+use crate::error::{Error, Result};
+use crate::geometry::{detached, host_values};
+use crate::scene::{Camera, Object, Parameter, ParameterId, Scene, Visit, visit_tensors};
+
+/// The first step of the differences, relative to a number of size 1 or more, the factor from one step to the next, and
+/// the number of steps.
+const STEP: f64 = 0.5;
+const FACTOR: f64 = 4.0;
+const STEPS: usize = 6;
+/// The step along a direction, relative to the largest value, for tangents of normal maps.
+const TANGENT_STEP: f64 = 1e-3;
+
+/// The derivative of all values of a scene and its camera with respect to one number: a direction for
+/// [`render_derivative`](super::render_derivative), which has an example.
+#[derive(Clone)]
+pub struct Tangent {
+    /// The values that are not all 0.
+    pub(super) values: HashMap<ParameterId, Vec<f64>>,
+}
+
+impl fmt::Debug for Tangent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let values = self.values.iter();
+        f.debug_map()
+            .entries(values.map(|(id, values)| (id, values.len())))
+            .finish()
+    }
+}
+
+impl Tangent {
+    /// Creates a direction. `set` receives a copy of the scene and the camera in which all values are 0, and replaces
+    /// those that change: each value by its derivative, a tensor by one of the same shape.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let device = Device::flex();
+    /// let (scene, camera) = cornell_box(&device);
+    /// // The field of view grows, and the second object moves up.
+    /// let tangent = Tangent::new(&scene, &camera, |scene, camera| {
+    ///     *camera = camera.clone().with_fov_y(1.0);
+    ///     let vertices = &mut scene.objects[1].mesh.vertices;
+    ///     let up = Tensor::<2>::from_floats([[0.0, 1.0, 0.0]], &device);
+    ///     *vertices = up.expand(vertices.dims());
+    /// })?;
+    /// let options = RenderOptions::new(8, 8).with_samples(4);
+    /// let derivative = render_derivative(&scene, &camera, &options, &[tangent])?;
+    /// assert_eq!(derivative.tangents.radiance.dims(), [1, 8, 8, 3]);
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If `set` adds or removes an object, a light, or an attribute, if a tensor has another number of entries than the
+    /// scene's, or if a value is not finite.
+    pub fn new(
+        scene: &Scene,
+        camera: &Camera,
+        set: impl FnOnce(&mut Scene, &mut Camera),
+    ) -> Result<Self> {
+        let (mut own, mut of_camera) = (scene.clone(), camera.clone());
+        visit_tensors(&mut own, &mut of_camera, &mut Zero);
+        set(&mut own, &mut of_camera);
+        let shapes = Values::of(scene, camera)?;
+        let tangent = Values::of(&own, &of_camera)?;
+        check_same(&tangent, &shapes)?;
+        for (id, values) in &tangent.all {
+            if let Some(wrong) = values.iter().find(|v| !v.is_finite()) {
+                return Err(invalid(*id, wrong, "a finite number"));
+            }
+        }
+        Ok(Self::of(tangent))
+    }
+
+    fn of(values: Values) -> Self {
+        let all = values.all.into_iter();
+        let values = all.filter(|(_, values)| values.iter().any(|&v| v != 0.0));
+        Self {
+            values: values.collect(),
+        }
+    }
+
+    /// Returns the scene and the camera that `build` makes of some numbers, and their derivatives with respect to each of
+    /// these numbers, in their order.
+    ///
+    /// The derivatives are differences of scenes, extrapolated to a step of 0 (Ridders 1982, *Accurate computation of
+    /// F′(x) and F′(x)F″(x)*). `build` runs up to 12 times for each number, at distances of up to 0.5 from numbers of at
+    /// most 1, and up to half of larger ones. A distance at which it returns an error is left out. With f32 tensors, the
+    /// derivatives of smooth functions are correct to about five digits. The numbers of faces, lights and texels must not
+    /// depend on the numbers.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let device = Device::flex();
+    /// let build = |values: &[f64]| {
+    ///     let ball = shapes::icosahedron(&device).scaled(values[0]);
+    ///     let scene = Scene::new().with_object(Object::new(ball)).with_environment([1.0; 3]);
+    ///     Ok((scene, Camera::look_at([0.0, 0.0, values[1]], [0.0; 3])))
+    /// };
+    /// let (scene, camera, tangents) = Tangent::of_numbers(&[0.5, 3.0], build)?;
+    /// let options = RenderOptions::new(8, 8).with_samples(4);
+    /// let derivative = render_derivative(&scene, &camera, &options, &tangents)?;
+    /// assert_eq!(derivative.tangents.radiance.dims(), [2, 8, 8, 3]);
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If `build` fails for the numbers themselves or at all distances, if the structure of the scene depends on the
+    /// numbers, or if a tensor can't be read.
+    pub fn of_numbers(
+        numbers: &[f64],
+        build: impl Fn(&[f64]) -> Result<(Scene, Camera)>,
+    ) -> Result<(Scene, Camera, Vec<Self>)> {
+        let (scene, camera) = build(numbers)?;
+        let shapes = Values::of(&scene, &camera)?;
+        let mut at = numbers.to_vec();
+        let mut tangents = Vec::with_capacity(numbers.len());
+        for (k, &number) in numbers.iter().enumerate() {
+            let mut difference = |step: f64| -> Result<Values> {
+                let [plus, minus] = [step, -step].map(|step| {
+                    at[k] = number + step;
+                    let (scene, camera) = build(&at)?;
+                    let values = Values::of(&with_tangents(&scene), &camera)?;
+                    check_same(&values, &shapes)?;
+                    Ok(values)
+                });
+                at[k] = number;
+                Ok(plus?.minus(&minus?, 2.0 * step))
+            };
+            tangents.push(Self::of(extrapolated(number, &mut difference)?));
+        }
+        Ok((scene, camera, tangents))
+    }
+
+    /// Adds the derivatives of the tangents that a render computes for normal maps.
+    pub(super) fn completed(mut self, scene: &Scene, camera: &Camera) -> Result<Self> {
+        use ParameterId::{Normals, Tangents, Uvs, Vertices};
+        let lacking = scene.objects.iter().enumerate();
+        let lacking = lacking.filter(|(i, object)| {
+            let moves = [Vertices(*i), Uvs(*i), Normals(*i)];
+            object.lacks_tangents() && moves.iter().any(|id| self.values.contains_key(id))
+        });
+        let lacking: Vec<usize> = lacking.map(|(i, _)| i).collect();
+        if lacking.is_empty()
+            || lacking
+                .iter()
+                .all(|&i| self.values.contains_key(&Tangents(i)))
+        {
+            return Ok(self);
+        }
+        let largest = self
+            .values
+            .values()
+            .flatten()
+            .fold(0.0, |a: f64, b| a.max(b.abs()));
+        let step = TANGENT_STEP / largest;
+        let [plus, minus] = [step, -step].map(|step| {
+            let (mut scene, mut camera) = (scene.clone(), camera.clone());
+            visit_tensors(
+                &mut scene,
+                &mut camera,
+                &mut Displace {
+                    tangent: &self,
+                    step,
+                },
+            );
+            Values::of(&with_tangents(&scene), &camera)
+        });
+        let difference = plus?.minus(&minus?, 2.0 * step);
+        let tangents = difference.all.into_iter();
+        let tangents = tangents.filter(|(id, _)| lacking.iter().any(|&i| *id == Tangents(i)));
+        self.values.extend(tangents);
+        Ok(self)
+    }
+}
+
+/// Returns the scene with the tangents that a render computes for normal maps.
+fn with_tangents(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    if scene.objects.iter().any(Object::lacks_tangents) {
+        for object in scene.objects.iter_mut().filter(|o| o.lacks_tangents()) {
+            object.mesh = object.mesh.clone().mikktspace_tangents();
+        }
+    }
+    scene
+}
+
+/// Extrapolates central differences to a step of 0, by Neville's scheme. Returns the entry of the scheme that differs
+/// least from those from which it was made.
+fn extrapolated(number: f64, difference: &mut impl FnMut(f64) -> Result<Values>) -> Result<Values> {
+    let mut best: Option<(f64, Values)> = None;
+    let mut last: Vec<Values> = Vec::new();
+    let mut failed = None;
+    for i in 0..STEPS {
+        let step = STEP * number.abs().max(1.0) / FACTOR.powi(i as i32);
+        let mut row = vec![match difference(step) {
+            Ok(values) => values,
+            Err(error) if last.is_empty() => {
+                failed = Some(error);
+                continue;
+            }
+            Err(error) => return Err(error),
+        }];
+        let mut error = f64::INFINITY;
+        for (j, coarse) in last.iter().enumerate() {
+            let factor = FACTOR.powi(2 * (j as i32 + 1));
+            let finer = row[j].extrapolated(coarse, factor);
+            let own = finer.distance(&row[j]).max(finer.distance(coarse));
+            error = error.min(own);
+            if best.as_ref().is_none_or(|(least, _)| own <= *least) {
+                best = Some((own, finer.clone()));
+            }
+            row.push(finer);
+        }
+        let least = best.as_ref().map_or(f64::INFINITY, |best| best.0);
+        if least == 0.0 || (error.is_finite() && error > 2.0 * least) {
+            break;
+        }
+        last = row;
+    }
+    match (best, failed) {
+        (Some((_, values)), _) => Ok(values),
+        (None, Some(error)) => Err(error),
+        (None, None) => unreachable!("there are several steps"),
+    }
+}
+
+/// The values of all tensors and constants of a scene and a camera, in the order of a visit.
+#[derive(Clone)]
+struct Values {
+    all: Vec<(ParameterId, Vec<f64>)>,
+}
+
+/// Reads [`Values`].
+struct Read {
+    all: Result<Vec<(ParameterId, Vec<f64>)>>,
+}
+
+impl Values {
+    fn of(scene: &Scene, camera: &Camera) -> Result<Self> {
+        let mut read = Read {
+            all: Ok(Vec::new()),
+        };
+        visit_tensors(&mut scene.clone(), &mut camera.clone(), &mut read);
+        Ok(Self { all: read.all? })
+    }
+
+    /// Returns the differences from other values, divided by `step`.
+    fn minus(mut self, other: &Self, step: f64) -> Self {
+        for ((_, own), (_, other)) in self.all.iter_mut().zip(&other.all) {
+            own.iter_mut()
+                .zip(other)
+                .for_each(|(a, b)| *a = (*a - b) / step);
+        }
+        self
+    }
+
+    /// Returns (factor · these − coarser values) / (factor − 1).
+    fn extrapolated(&self, coarse: &Self, factor: f64) -> Self {
+        let mut finer = self.clone();
+        for ((_, own), (_, coarse)) in finer.all.iter_mut().zip(&coarse.all) {
+            for (own, coarse) in own.iter_mut().zip(coarse) {
+                *own += (*own - coarse) / (factor - 1.0);
+            }
+        }
+        finer
+    }
+
+    /// Returns the largest difference of two values.
+    fn distance(&self, other: &Self) -> f64 {
+        let pairs = self.all.iter().zip(&other.all);
+        let of_pair = |((_, a), (_, b)): (&(_, Vec<f64>), &(_, Vec<f64>))| {
+            let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+            differences.fold(0.0, f64::max)
+        };
+        pairs.map(of_pair).fold(0.0, f64::max)
+    }
+}
+
+impl Read {
+    fn push(&mut self, id: ParameterId, values: Result<Vec<f64>>) {
+        if let Ok(all) = &mut self.all {
+            match values {
+                Ok(values) => all.push((id, values)),
+                Err(error) => self.all = Err(error),
+            }
+        }
+    }
+}
+
+impl Visit for Read {
+    fn visit<const D: usize>(&mut self, id: ParameterId, tensor: &mut Tensor<D>) {
+        self.push(id, host_values(tensor));
+    }
+
+    fn parameter<const C: usize>(&mut self, id: ParameterId, p: &mut Parameter<C>) {
+        self.push(id, p.values().map(|values| values.to_vec()));
+    }
+}
+
+/// Checks that values are those of a scene of the same structure.
+fn check_same(values: &Values, shapes: &Values) -> Result<()> {
+    let of = |values: &Values| -> HashMap<ParameterId, usize> {
+        values.all.iter().map(|(id, v)| (*id, v.len())).collect()
+    };
+    let (found, expected) = (of(values), of(shapes));
+    // Tangents of normal maps may have been computed for one of them.
+    let computed = |id: &ParameterId| matches!(id, ParameterId::Tangents(_));
+    for (id, count) in &found {
+        match expected.get(id) {
+            Some(other) if other != count => {
+                return Err(invalid(
+                    *id,
+                    count,
+                    &format!("{other} values as in the scene"),
+                ));
+            }
+            None if !computed(id) => {
+                return Err(invalid(*id, "present", "absent as in the scene"));
+            }
+            _ => {}
+        }
+    }
+    match expected.keys().find(|id| !found.contains_key(id)) {
+        Some(id) => Err(invalid(*id, "absent", "present as in the scene")),
+        None => Ok(()),
+    }
+}
+
+fn invalid(id: ParameterId, found: impl ToString, expected: &str) -> Error {
+    Error::invalid("tangent", id.row().0, found, expected)
+}
+
+/// Sets all values to 0.
+struct Zero;
+
+impl Visit for Zero {
+    fn visit<const D: usize>(&mut self, _: ParameterId, tensor: &mut Tensor<D>) {
+        *tensor = detached(tensor).zeros_like();
+    }
+
+    fn parameter<const C: usize>(&mut self, _: ParameterId, p: &mut Parameter<C>) {
+        *p = Parameter::Constant([0.0; C]);
+    }
+}
+
+/// Adds a multiple of a tangent.
+struct Displace<'a> {
+    tangent: &'a Tangent,
+    step: f64,
+}
+
+impl Visit for Displace<'_> {
+    fn visit<const D: usize>(&mut self, id: ParameterId, tensor: &mut Tensor<D>) {
+        if let Some(values) = self.tangent.values.get(&id) {
+            let own = detached(tensor);
+            let data = TensorData::new(values.clone(), own.shape());
+            let by = Tensor::from_data(data, (&own.device(), own.dtype()));
+            *tensor = own + by * self.step;
+        }
+    }
+}
+
+/// Moves tensors to a device, outside of their graphs, and turns the constants of the chosen values into tensors.
+pub(super) struct OnHost<'a> {
+    pub device: &'a Device,
+    pub dtype: DType,
+    pub chosen: &'a HashSet<ParameterId>,
+}
+
+impl Visit for OnHost<'_> {
+    fn visit<const D: usize>(&mut self, _: ParameterId, tensor: &mut Tensor<D>) {
+        *tensor = detached(tensor).to_device(self.device);
+    }
+
+    fn parameter<const C: usize>(&mut self, id: ParameterId, p: &mut Parameter<C>) {
+        match p {
+            Parameter::Tensor(tensor) => self.visit(id, tensor),
+            Parameter::Constant(values) if self.chosen.contains(&id) => {
+                let data = TensorData::new(values.to_vec(), [C]);
+                *p = Parameter::Tensor(Tensor::from_data(data, (self.device, self.dtype)));
+            }
+            Parameter::Constant(_) => {}
+        }
+    }
+}
