@@ -37,6 +37,8 @@ pub use options::{Engine, RenderOptions};
 pub use outputs::Outputs;
 pub use overview::overview;
 pub use tangent::Tangent;
+#[cfg(feature = "fit")]
+pub(crate) use tangent::Values;
 
 /// Renders a scene and returns an image `[H, W, 3]`.
 ///

@@ -117,24 +117,39 @@ impl Tangent {
         build: impl Fn(&[f64]) -> Result<(Scene, Camera)>,
     ) -> Result<(Scene, Camera, Vec<Self>)> {
         let (scene, camera) = build(numbers)?;
-        let shapes = Values::of(&scene, &camera)?;
+        let mut build = |numbers: &[f64]| Ok(vec![build(numbers)?]);
+        let shapes = [Values::of(&scene, &camera)?];
+        let tangents = Self::of_views(numbers, &shapes, &mut build)?;
+        Ok((scene, camera, tangents.into_iter().flatten().collect()))
+    }
+
+    /// Returns the directions of several views, for each number those of all views. `shapes` has the values of the views.
+    pub(crate) fn of_views(
+        numbers: &[f64],
+        shapes: &[Values],
+        build: &mut dyn FnMut(&[f64]) -> Result<Vec<(Scene, Camera)>>,
+    ) -> Result<Vec<Vec<Self>>> {
         let mut at = numbers.to_vec();
-        let mut tangents = Vec::with_capacity(numbers.len());
-        for (k, &number) in numbers.iter().enumerate() {
-            let mut difference = |step: f64| -> Result<Values> {
+        let of_number = |(k, &number): (usize, &f64)| {
+            let mut difference = |step: f64| -> Result<Vec<Values>> {
                 let [plus, minus] = [step, -step].map(|step| {
                     at[k] = number + step;
-                    let (scene, camera) = build(&at)?;
-                    let values = Values::of(&with_tangents(&scene), &camera)?;
-                    check_same(&values, &shapes)?;
-                    Ok(values)
+                    let views = build(&at)?;
+                    let values = views.iter().zip(shapes).map(|((scene, camera), shapes)| {
+                        let values = Values::of(&with_tangents(scene), camera)?;
+                        check_same(&values, shapes)?;
+                        Ok(values)
+                    });
+                    values.collect::<Result<Vec<Values>>>()
                 });
                 at[k] = number;
-                Ok(plus?.minus(&minus?, 2.0 * step))
+                let pairs = plus?.into_iter().zip(minus?);
+                Ok(pairs.map(|(a, b)| a.minus(&b, 2.0 * step)).collect())
             };
-            tangents.push(Self::of(extrapolated(number, &mut difference)?));
-        }
-        Ok((scene, camera, tangents))
+            let views = extrapolated(number, &mut difference)?;
+            Ok(views.into_iter().map(Self::of).collect())
+        };
+        numbers.iter().enumerate().map(of_number).collect()
     }
 
     /// Adds the derivatives of the tangents that a render computes for normal maps.
@@ -192,9 +207,12 @@ fn with_tangents(scene: &Scene) -> Scene {
 
 /// Extrapolates central differences to a step of 0, by Neville's scheme. Returns the entry of the scheme that differs
 /// least from those from which it was made.
-fn extrapolated(number: f64, difference: &mut impl FnMut(f64) -> Result<Values>) -> Result<Values> {
-    let mut best: Option<(f64, Values)> = None;
-    let mut last: Vec<Values> = Vec::new();
+fn extrapolated(
+    number: f64,
+    difference: &mut impl FnMut(f64) -> Result<Vec<Values>>,
+) -> Result<Vec<Values>> {
+    let mut best: Option<(f64, Vec<Values>)> = None;
+    let mut last: Vec<Vec<Values>> = Vec::new();
     let mut failed = None;
     for i in 0..STEPS {
         let step = STEP * number.abs().max(1.0) / FACTOR.powi(i as i32);
@@ -209,8 +227,13 @@ fn extrapolated(number: f64, difference: &mut impl FnMut(f64) -> Result<Values>)
         let mut error = f64::INFINITY;
         for (j, coarse) in last.iter().enumerate() {
             let factor = FACTOR.powi(2 * (j as i32 + 1));
-            let finer = row[j].extrapolated(coarse, factor);
-            let own = finer.distance(&row[j]).max(finer.distance(coarse));
+            let pairs = row[j].iter().zip(coarse);
+            let finer: Vec<Values> = pairs.map(|(a, b)| a.extrapolated(b, factor)).collect();
+            let distance = |other: &[Values]| {
+                let pairs = finer.iter().zip(other);
+                pairs.map(|(a, b)| a.distance(b)).fold(0.0, f64::max)
+            };
+            let own = distance(&row[j]).max(distance(coarse));
             error = error.min(own);
             if best.as_ref().is_none_or(|(least, _)| own <= *least) {
                 best = Some((own, finer.clone()));
@@ -232,7 +255,7 @@ fn extrapolated(number: f64, difference: &mut impl FnMut(f64) -> Result<Values>)
 
 /// The values of all tensors and constants of a scene and a camera, in the order of a visit.
 #[derive(Clone)]
-struct Values {
+pub(crate) struct Values {
     all: Vec<(ParameterId, Vec<f64>)>,
 }
 
@@ -242,7 +265,7 @@ struct Read {
 }
 
 impl Values {
-    fn of(scene: &Scene, camera: &Camera) -> Result<Self> {
+    pub(crate) fn of(scene: &Scene, camera: &Camera) -> Result<Self> {
         let mut read = Read {
             all: Ok(Vec::new()),
         };

@@ -4,6 +4,7 @@
 mod check;
 mod checkpoint;
 mod history;
+mod least_squares;
 mod pictures;
 mod progress;
 mod rate;
@@ -20,6 +21,7 @@ use burn::optim::ModuleOptimizer;
 use super::schedule::Blur;
 use crate::error::Result;
 pub use history::{History, Row};
+pub use least_squares::{LeastSquares, Residual};
 use pictures::Pictures;
 pub use rate::Rate;
 pub use step::{Evaluation, Fitted, Report, Step, Stop, Warning};

@@ -15,6 +15,20 @@ use super::{Evaluation, Fit, Fitted, History, Report, Row, Step, Stop, Warning};
 use crate::error::{Error, Result};
 use crate::optim::schedule::Blur;
 
+/// The evaluation of a step, and the gradients for its optimizer.
+pub(super) struct Evaluated {
+    pub evaluation: Evaluation,
+    pub loss: f64,
+    pub gradients: GradientsParams,
+    /// The Euclidean norm of the gradient of the loss.
+    pub norm: f64,
+    /// The paths of parameters without influence on the loss.
+    pub unused: Vec<String>,
+}
+
+/// A function that evaluates a step, given the steps before it.
+pub(super) type Evaluate<'a, M> = &'a mut dyn FnMut(&M, &Step, &History) -> Result<Evaluated>;
+
 /// A running fit.
 struct Run<M> {
     fit: Fit<M>,
@@ -51,9 +65,31 @@ impl<M: Module> Fit<M> {
     /// conditions of [`Evaluation`], the first step has no image for [`Fit::with_pictures`], or a file cannot be
     /// written.
     pub fn run(self, mut f: impl FnMut(&M, &Step) -> Result<Evaluation>) -> Result<Fitted<M>> {
+        let most = self.clip;
+        self.run_steps(&mut |module, step, _| {
+            let evaluation = f(module, step)?;
+            evaluation.check()?;
+            let loss = loss_of_step(&evaluation.loss, step.index)?;
+            let mut gradients = GradientsParams::from_grads(evaluation.loss.backward(), module);
+            let (norm, unused) = clip(module, &mut gradients, most)?;
+            let Some(norm) = norm else {
+                return Err(no_gradient(module, &evaluation.loss));
+            };
+            Ok(Evaluated {
+                evaluation,
+                loss,
+                gradients,
+                norm,
+                unused,
+            })
+        })
+    }
+
+    /// Runs the steps with a function that returns the gradients of a step for the optimizer.
+    pub(super) fn run_steps(self, f: Evaluate<M>) -> Result<Fitted<M>> {
         let mut run = Run::open(self)?;
         while run.stop.is_none() && run.history.rows.len() < run.fit.steps {
-            run = run.step(&mut f)?;
+            run = run.step(f)?;
             if run.history.rows.len().is_multiple_of(run.fit.every) {
                 run.save()?;
             }
@@ -118,7 +154,7 @@ impl<M: Module> Run<M> {
     }
 
     /// Takes a step.
-    fn step(mut self, f: &mut dyn FnMut(&M, &Step) -> Result<Evaluation>) -> Result<Self> {
+    fn step(mut self, f: Evaluate<M>) -> Result<Self> {
         let index = self.history.rows.len();
         let first = index == 0 || self.resumed == Some(index);
         let steps = self.fit.steps;
@@ -132,23 +168,21 @@ impl<M: Module> Run<M> {
             seed: self.fit.seed,
             blurred: Arc::default(),
         };
-        let mut evaluation = f(&self.fit.module, &step)?;
+        let Evaluated {
+            mut evaluation,
+            loss,
+            gradients,
+            norm,
+            unused,
+        } = f(&self.fit.module, &step, &self.history)?;
         if first && step.blur.is_some() && !step.blurred.load(Ordering::Relaxed) {
             self.progress.warn(Warning::UnusedBlur);
         }
-        evaluation.check()?;
-        let loss = loss_of_step(&evaluation.loss, index)?;
-        let mut gradients =
-            GradientsParams::from_grads(evaluation.loss.backward(), &self.fit.module);
-        let (norm, missing) = clip(&self.fit.module, &mut gradients, self.fit.clip)?;
-        let Some(norm) = norm else {
-            return Err(no_gradient(&self.fit.module, &evaluation.loss));
-        };
         if !norm.is_finite() {
             return Err(not_finite("the gradient", norm, index));
         }
-        if !missing.is_empty() && first {
-            self.progress.warn(Warning::Unused(missing));
+        if !unused.is_empty() && first {
+            self.progress.warn(Warning::Unused(unused));
         }
         let rate = self.fit.rate.at(index, steps);
         let row = Row {

@@ -27,7 +27,7 @@ pub(crate) fn check_levels(object: &str, levels: usize) -> Result<()> {
 }
 
 /// Returns the levels of a [`pyramid`].
-fn halves<const D: usize>(image: Tensor<D>, levels: usize) -> Vec<Tensor<D>> {
+pub(crate) fn halves<const D: usize>(image: Tensor<D>, levels: usize) -> Vec<Tensor<D>> {
     const { assert!(D >= 3, "images have the axes […, H, W, C]") };
     let mut images = vec![image];
     while let Some(last) = images.last()

@@ -1,0 +1,413 @@
+//! Fits by Gauss–Newton steps with Levenberg–Marquardt damping.
+
+mod equations;
+mod numbers;
+
+use std::path::Path;
+
+use burn::module::Module;
+use burn::optim::SgdConfig;
+use burn::tensor::Tensor;
+
+use super::run::Evaluated;
+use super::{Evaluation, Fit, Fitted, History, Rate, Report, Step};
+use crate::error::{Error, Result};
+use crate::geometry::{detached, host_values};
+use crate::optim::loss::halves;
+use crate::optim::schedule::Blur;
+use crate::render::{RenderOptions, Tangent, Values, render, render_derivative};
+use crate::scene::{Camera, Scene};
+use equations::{Equations, Linear};
+use numbers::{gradients, numbers, with_numbers};
+
+/// The most numbers of a module: each costs derivative images.
+const MAX_NUMBERS: usize = 256;
+/// The damping of the first step, and the least.
+const DAMPING: f64 = 1e-2;
+const MIN_DAMPING: f64 = 1e-6;
+/// The dampings that a step tries, relative to that of the last step, and those that follow if none of these reduces
+/// the loss.
+const TRIED: [f64; 3] = [0.1, 1.0, 10.0];
+const LARGER: [f64; 3] = [1e2, 1e3, 1e4];
+/// The name of the damping in the history.
+const NAME: &str = "damping";
+
+/// A view whose image should become a target: a scene, a camera, the options of its renders and the target image.
+///
+/// [`LeastSquares`] has an example.
+#[derive(Clone, Debug)]
+pub struct Residual {
+    scene: Scene,
+    camera: Camera,
+    options: RenderOptions,
+    target: Tensor<3>,
+    name: String,
+    levels: usize,
+}
+
+impl Residual {
+    /// Creates the residual of a view. `target` is an image `[H, W, 3]` of the size of the options. The seed of the options
+    /// has no effect, since each render of a fit has its own; [`Step::options`] sets the blur of the step.
+    pub fn new(scene: Scene, camera: Camera, options: RenderOptions, target: Tensor<3>) -> Self {
+        Self {
+            scene,
+            camera,
+            options,
+            target,
+            name: "render".into(),
+            levels: 1,
+        }
+    }
+
+    /// Sets the name of the view in pictures; `"render"` by default. Names of a fit's views are unique.
+    pub fn with_name(mut self, name: impl Into<String>) -> Self {
+        self.name = name.into();
+        self
+    }
+
+    /// Compares image and target on this many levels of their [`pyramid`](crate::loss::pyramid), as
+    /// [`multi_scale_unbiased`](crate::loss::multi_scale_unbiased) does; 1 by default. With more levels, a fit may start
+    /// further away.
+    pub fn with_levels(mut self, levels: usize) -> Self {
+        self.levels = levels;
+        self
+    }
+
+    fn check(&self) -> Result<()> {
+        let object = format!("residual {:?}", self.name);
+        let (found, expected) = (
+            self.target.dims(),
+            [self.options.height, self.options.width, 3],
+        );
+        let same = found == expected;
+        let (found, expected) = (format!("{found:?}"), format!("{expected:?} like the image"));
+        Error::unless(same, &object, "shape of the target", found, &expected)?;
+        Error::unless(
+            self.levels > 0,
+            &object,
+            "levels",
+            self.levels,
+            "at least 1",
+        )
+    }
+
+    fn options(&self, seed: u64) -> RenderOptions {
+        self.options.clone().with_seed(seed)
+    }
+
+    /// Returns the values of the pyramids of images `[B, H, W, 3]`, for each image one list. They are scaled so that the sum
+    /// of their squares is the mean over levels of the mean square.
+    fn flattened(&self, images: Tensor<4>) -> Result<Vec<Vec<f64>>> {
+        let count = images.dims()[0];
+        let levels = halves(detached(&images), self.levels);
+        let mut all = vec![Vec::new(); count];
+        for level in &levels {
+            let values = host_values(level)?;
+            let each = values.len() / count;
+            let scale = ((levels.len() * each) as f64).sqrt().recip();
+            for (to, own) in all.iter_mut().zip(values.chunks_exact(each)) {
+                to.extend(own.iter().map(|v| v * scale));
+            }
+        }
+        Ok(all)
+    }
+
+    /// Returns the residuals of an image.
+    fn residuals(&self, image: Tensor<3>) -> Result<Vec<f64>> {
+        let target = detached(&self.target).cast(image.dtype());
+        let difference = detached(&image) - target.to_device(&image.device().inner());
+        let mut all = self.flattened(difference.unsqueeze())?;
+        Ok(all.swap_remove(0))
+    }
+
+    /// Returns an image, its residuals and their derivatives.
+    fn linear(&self, tangents: &[Tangent], seed: u64) -> Result<(Tensor<3>, Linear)> {
+        let options = self.options(seed);
+        let all = render_derivative(&self.scene, &self.camera, &options, tangents)?;
+        let linear = Linear {
+            residuals: self.residuals(all.image.radiance.clone())?,
+            by_number: self.flattened(all.tangents.radiance)?,
+        };
+        Ok((all.image.radiance, linear))
+    }
+
+    /// Returns the loss from two renders.
+    fn loss(&self, seeds: [u64; 2]) -> Result<f64> {
+        let [a, b] = seeds.map(|seed| {
+            let image = render(&self.scene, &self.camera, &self.options(seed))?;
+            self.residuals(image.radiance)
+        });
+        Ok(a?.iter().zip(&b?).map(|(a, b)| a * b).sum())
+    }
+}
+
+/// Fits up to some dozens of numbers of a module to images: a pose, a camera, a lens, a light.
+///
+/// Each step renders the images and their derivatives by all numbers ([`render_derivative`]), and solves the linear least
+/// squares problem of the residuals image − target (Gauss–Newton) with a damping (Levenberg 1944, Marquardt 1963). Where
+/// the images are smooth functions of the numbers, it arrives in about ten steps. Far from the target, give it a wide
+/// blur at first ([`LeastSquares::with_blur`]), as for gradient descent.
+///
+/// *Noise.* A step renders twice, with independent seeds, and multiplies only values of different renders: residuals with
+/// derivatives, and derivatives with derivatives. So noise biases neither the gradient nor the matrix. The solution, which
+/// divides by the matrix, has a bias of the order of the matrix's variance: it makes steps a little too long or too
+/// short, and does not move the point at which the fit ends.
+///
+/// *Damping.* A step tries several dampings, renders the scene at each resulting point with the same seeds, and takes
+/// the point with the least loss. If none is better than the current point, the numbers stay, and the next step begins with
+/// a larger damping. The history has the damping as a value.
+///
+/// Folders, checkpoints, pictures, the history and callbacks are those of [`Fit`].
+///
+/// ```
+/// use burn::module::{Module, Param};
+/// use softray::optim::{LeastSquares, Residual, Step};
+/// use softray::prelude::*;
+///
+/// #[derive(Module, Debug)]
+/// struct Place {
+///     at: Param<Tensor<1>>,
+/// }
+///
+/// let device = Device::flex();
+/// let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]).with_fov_y(40.0);
+/// let options = RenderOptions::new(24, 24).with_samples(16).with_bounces(0);
+/// let scene = |at: Tensor<1>| {
+///     Scene::new()
+///         .with_object(Object::new(shapes::icosphere(1, &device).translated(at)))
+///         .with_environment([1.0, 1.0, 1.0])
+/// };
+/// let goal = scene(Tensor::zeros([3], &device));
+/// let target = render(&goal, &camera, &options.clone().with_samples(256))?.radiance;
+/// let start = Tensor::from_floats([0.3, -0.2, 0.4], &device.clone().autodiff());
+/// let fitted = LeastSquares::new(Place { at: Param::from_tensor(start) }, 8).run(|place, step: &Step| {
+///     let options = step.options(&options, 0);
+///     Ok(vec![Residual::new(scene(place.at.val()), camera.clone(), options, target.clone())])
+/// })?;
+/// let far = fitted.module.at.val().abs().max().into_scalar::<f32>();
+/// assert!(far < 0.02, "{far}");
+/// # Ok::<(), softray::Error>(())
+/// ```
+pub struct LeastSquares<M> {
+    fit: Fit<M>,
+}
+
+impl<M: Module> LeastSquares<M> {
+    /// Creates a fit of a module on a device with autodiff in `steps` steps. Frozen parameters stay as they are.
+    pub fn new(module: M, steps: usize) -> Self {
+        let fit = Fit::new(module, SgdConfig::new().init(), steps);
+        Self {
+            fit: fit.with_rate(Rate::constant(1.0)),
+        }
+    }
+
+    /// Runs the steps and returns the fitted module.
+    ///
+    /// `f` receives the module and the [`Step`] and returns the views to compare. It runs many times in a step, also with
+    /// other numbers, and must depend only on these arguments. It does not render.
+    ///
+    /// # Errors
+    /// Like [`Fit::run`] and [`render_derivative`]; if there is no view, a target has another size than its view, two views
+    /// have the same name, or the module has more than 256 numbers that are not frozen.
+    pub fn run(self, mut f: impl FnMut(&M, &Step) -> Result<Vec<Residual>>) -> Result<Fitted<M>> {
+        self.fit.run_steps(&mut |module, step, history| {
+            let problem = Problem::new(module, step)?;
+            problem.evaluated(&mut |module| f(module, step), history)
+        })
+    }
+}
+
+/// Passes settings on to [`Fit`].
+macro_rules! settings {
+    ($($name:ident($argument:ident: $type:ty);)*) => {
+        impl<M: Module> LeastSquares<M> {$(
+            #[doc = concat!("See [`Fit::", stringify!($name), "`].")]
+            pub fn $name(mut self, $argument: $type) -> Self {
+                self.fit = self.fit.$name($argument);
+                self
+            }
+        )*}
+    };
+}
+
+settings! {
+    with_seed(seed: u64);
+    with_blur(blur: impl Into<Blur>);
+    with_early_stop(patience: usize);
+    with_folder(folder: impl AsRef<Path>);
+    with_checkpoint_every(steps: usize);
+    with_restart(restart: bool);
+    with_progress(shown: bool);
+}
+
+impl<M: Module> LeastSquares<M> {
+    /// See [`Fit::with_pictures`]. Each view is a row.
+    pub fn with_pictures(mut self, folder: impl AsRef<Path>, every: usize) -> Self {
+        self.fit = self.fit.with_pictures(folder, every);
+        self
+    }
+
+    /// See [`Fit::on_step`].
+    pub fn on_step(
+        mut self,
+        every: usize,
+        f: impl FnMut(&Report<M>) -> Result<bool> + 'static,
+    ) -> Self {
+        self.fit = self.fit.on_step(every, f);
+        self
+    }
+}
+
+/// The views of a module.
+type Views<'a, M> = &'a mut dyn FnMut(&M) -> Result<Vec<Residual>>;
+
+/// The problem of a step.
+struct Problem<'a, M> {
+    module: &'a M,
+    step: &'a Step,
+    numbers: Vec<f64>,
+    /// The path of the parameter of each number.
+    paths: Vec<String>,
+}
+
+impl<'a, M: Module> Problem<'a, M> {
+    fn new(module: &'a M, step: &'a Step) -> Result<Self> {
+        let (numbers, paths) = numbers(module)?;
+        let few = numbers.len() <= MAX_NUMBERS;
+        let expected = format!("at most {MAX_NUMBERS} that are not frozen; Fit is for more");
+        Error::unless(
+            few,
+            "least squares",
+            "numbers of the module",
+            numbers.len(),
+            &expected,
+        )?;
+        Ok(Self {
+            module,
+            step,
+            numbers,
+            paths,
+        })
+    }
+
+    /// Returns the seeds of a pair of renders of a view. The first pair is for derivatives, the second for trials.
+    fn seeds(&self, view: usize, pair: u64) -> [u64; 2] {
+        let first = 4 * view as u64 + 2 * pair;
+        [first, first + 1].map(|render| self.step.seed(render))
+    }
+
+    /// Evaluates the step. The gradients move the numbers to the next point if their rate is 1.
+    fn evaluated(&self, f: Views<M>, history: &History) -> Result<Evaluated> {
+        let views = f(self.module)?;
+        Error::unless(
+            !views.is_empty(),
+            "least squares",
+            "residuals",
+            "empty",
+            "at least one",
+        )?;
+        views.iter().try_for_each(Residual::check)?;
+        let (mut evaluation, equations) = self.equations(&views, f)?;
+        let unused: Vec<usize> = equations.unused().collect();
+        if unused.len() == self.numbers.len() {
+            let expected = "numbers of the module on which the images depend";
+            return Err(Error::invalid(
+                "least squares",
+                "derivatives",
+                "0",
+                expected,
+            ));
+        }
+        let last = history.names.iter().position(|name| name == NAME);
+        let last = last.and_then(|k| history.rows.last()?.values.get(k).copied());
+        let (damping, step) = self.best(&equations, last.unwrap_or(DAMPING), f)?;
+        evaluation = evaluation.with_value(NAME, damping);
+        let gradient = &equations.gradient;
+        let mut unused: Vec<String> = unused.iter().map(|&i| self.paths[i].clone()).collect();
+        unused.dedup();
+        Ok(Evaluated {
+            evaluation,
+            loss: equations.loss,
+            norm: 2.0 * gradient.iter().map(|g| g * g).sum::<f64>().sqrt(),
+            gradients: gradients(self.module, &step.iter().map(|x| -x).collect::<Vec<_>>()),
+            unused,
+        })
+    }
+
+    /// Renders all views with derivatives.
+    fn equations(&self, views: &[Residual], f: Views<M>) -> Result<(Evaluation, Equations)> {
+        let shapes = views.iter().map(|v| Values::of(&v.scene, &v.camera));
+        let shapes = shapes.collect::<Result<Vec<_>>>()?;
+        let mut build = |numbers: &[f64]| {
+            let views = f(&with_numbers(self.module, numbers))?;
+            let same = views.len() == shapes.len();
+            let expected = format!("{} at all points", shapes.len());
+            Error::unless(
+                same,
+                "least squares",
+                "number of residuals",
+                views.len(),
+                &expected,
+            )?;
+            Ok(views.into_iter().map(|v| (v.scene, v.camera)).collect())
+        };
+        let by_number = Tangent::of_views(&self.numbers, &shapes, &mut build)?;
+        let device = views[0].target.device();
+        let mut evaluation = Evaluation::new(Tensor::zeros([1], &device));
+        let mut all: Option<Equations> = None;
+        for (index, view) in views.iter().enumerate() {
+            let tangents: Vec<Tangent> = by_number.iter().map(|of| of[index].clone()).collect();
+            let [a, b] = self
+                .seeds(index, 0)
+                .map(|seed| view.linear(&tangents, seed));
+            let ((image, a), (_, b)) = (a?, b?);
+            let own = Equations::new(&a, &b);
+            match &mut all {
+                None => all = Some(own),
+                Some(all) => all.add(&own),
+            }
+            evaluation = evaluation
+                .with_image(view.name.as_str(), image)
+                .with_target(view.name.as_str(), view.target.clone());
+        }
+        evaluation.check()?;
+        let equations = all
+            .ok_or_else(|| Error::invalid("least squares", "residuals", "empty", "at least one"))?;
+        Ok((evaluation, equations))
+    }
+
+    /// Returns the damping and the step with the least loss. The step is 0 if none reduces the loss.
+    fn best(&self, equations: &Equations, last: f64, f: Views<M>) -> Result<(f64, Vec<f64>)> {
+        let none = vec![0.0; self.numbers.len()];
+        let here = self.loss(&none, f)?;
+        let mut best = (here, last, none);
+        for (k, factor) in TRIED.into_iter().chain(LARGER).enumerate() {
+            if k >= TRIED.len() && best.0 < here {
+                break;
+            }
+            let damping = (last * factor).max(MIN_DAMPING);
+            let Some(step) = equations.step(damping) else {
+                continue;
+            };
+            // A long step may lead to a scene that is an error.
+            let loss = self.loss(&step, f).unwrap_or(f64::INFINITY);
+            if loss < best.0 {
+                best = (loss, damping, step);
+            }
+        }
+        if best.0 >= here {
+            best.1 = (last * LARGER[0]).min(1.0);
+        }
+        Ok((best.1, best.2))
+    }
+
+    /// Returns the loss after a step, with the same seeds for all steps.
+    fn loss(&self, step: &[f64], f: Views<M>) -> Result<f64> {
+        let pairs = self.numbers.iter().zip(step);
+        let numbers: Vec<f64> = pairs.map(|(number, step)| number + step).collect();
+        let views = f(&with_numbers(self.module, &numbers))?;
+        let views = views.iter().enumerate();
+        let losses = views.map(|(index, view)| view.loss(self.seeds(index, 1)));
+        losses.sum()
+    }
+}
