@@ -5,7 +5,7 @@ pub(crate) mod common;
 use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, Rate, Step, loss, pixel_angle};
+use softray::optim::{BlurSchedule, Evaluation, Rate, Residual, Step, loss, pixel_angle};
 use softray::prelude::*;
 
 use common::study::{Arguments, Failure, Outcome, Problem, Study, distance, numbers, picture};
@@ -155,14 +155,27 @@ impl Problem for Posed {
         let few = self.options.clone().with_samples(8);
         let see = |k| render(&self.scene, &camera, &step.options(&few, k));
         let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-        let loss = loss::multi_scale_unbiased(a.clone(), b, self.target.clone(), 4)?;
+        let loss = loss::multi_scale_unbiased(a.clone(), b, self.target.clone(), LEVELS)?;
         Ok(Evaluation::new(loss)
             .with_value("eye", distance(&numbers(&pose.eye.val()), &EYE))
             .with_value("target", distance(&aim(pose), &TARGET))
             .with_image("render", a)
             .with_target("render", self.target.clone()))
     }
+
+    fn residual(&self, pose: &Pose, step: &Step) -> softray::Result<Residual> {
+        let options = step.options(&self.options.clone().with_samples(32), 0);
+        let camera = camera(pose.eye.val(), pose.target.val());
+        let target = self.target.clone();
+        Ok(Residual::new(self.scene.clone(), camera, options, target)
+            .with_levels(LEVELS)
+            .with_value("eye", distance(&numbers(&pose.eye.val()), &EYE))
+            .with_value("target", distance(&aim(pose), &TARGET)))
+    }
 }
+
+/// The levels of the pyramids that are compared.
+const LEVELS: usize = 4;
 
 /// Returns the distance of eye and target together from the true ones.
 fn far(both: &[f64]) -> f64 {
@@ -181,14 +194,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     );
     let start = [START_EYE, START_TARGET].concat();
     let schedule = BlurSchedule::auto(&posed.scene, &posed.goal(), size, study.steps())?;
-    let fitted = study
-        .fit(
-            posed.start(far(&start)),
-            AdamConfig::new().with_beta_2(0.99).init(),
-        )
-        .with_rate(Rate::cosine(0.03))
-        .with_blur(schedule)
-        .run(|pose: &Pose, step: &_| posed.evaluate(pose, step))?;
+    let module = posed.start(far(&start));
+    let fitted = if arguments.least_squares {
+        let fit = study.least_squares(module).with_blur(schedule);
+        fit.run(|pose, step| Ok(vec![posed.residual(pose, step)?]))?
+    } else {
+        study
+            .fit(module, AdamConfig::new().with_beta_2(0.99).init())
+            .with_rate(Rate::cosine(0.03))
+            .with_blur(schedule)
+            .run(|pose: &Pose, step: &_| posed.evaluate(pose, step))?
+    };
 
     let found = both(&fitted.module);
     let images = [

@@ -6,7 +6,7 @@ use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use burn::tensor::activation::sigmoid;
 use clap::Parser;
-use softray::optim::{Evaluation, Rate, loss};
+use softray::optim::{Evaluation, Rate, Residual, loss};
 use softray::prelude::*;
 
 use common::study::{Arguments, Failure, Outcome, Study, distance, numbers, picture};
@@ -87,28 +87,47 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             .map(|t| numbers(&t))
             .concat()
     };
-    let fitted = study
-        .fit(module, AdamConfig::new().with_beta_2(0.99).init())
-        .with_rate(Rate::cosine(0.06))
-        .run(|surface: &Surface, step: &_| {
-            let scene = scene(
-                sigmoid(surface.diffuse.val()),
-                sigmoid(surface.specular.val()),
-                surface.shininess.val().exp(),
-                &device,
-            );
-            let few = options.clone().with_samples(8);
-            let see = |k| render(&scene, &camera, &step.options(&few, k));
-            let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-            let loss = loss::mse_unbiased(a.clone(), b, target.clone())?;
-            let all = all(surface);
-            Ok(Evaluation::new(loss)
-                .with_value("diffuse", distance(&all[..3], &TARGET[..3]))
-                .with_value("specular", distance(&all[3..6], &TARGET[3..6]))
-                .with_value("ln shininess", (all[6] - TARGET[6]).abs())
-                .with_image("render", a)
-                .with_target("render", target.clone()))
-        })?;
+    let of_module = |surface: &Surface| {
+        scene(
+            sigmoid(surface.diffuse.val()),
+            sigmoid(surface.specular.val()),
+            surface.shininess.val().exp(),
+            &device,
+        )
+    };
+    let values = |surface: &Surface| {
+        let all = all(surface);
+        [
+            ("diffuse", distance(&all[..3], &TARGET[..3])),
+            ("specular", distance(&all[3..6], &TARGET[3..6])),
+            ("ln shininess", (all[6] - TARGET[6]).abs()),
+        ]
+    };
+    let fitted = if arguments.least_squares {
+        study.least_squares(module).run(|surface, _| {
+            let options = options.clone().with_samples(32);
+            let scene = of_module(surface);
+            let residual = Residual::new(scene, camera.clone(), options, target.clone());
+            let with_value = |all: Residual, (name, value)| all.with_value(name, value);
+            Ok(vec![values(surface).into_iter().fold(residual, with_value)])
+        })?
+    } else {
+        study
+            .fit(module, AdamConfig::new().with_beta_2(0.99).init())
+            .with_rate(Rate::cosine(0.06))
+            .run(|surface: &Surface, step: &_| {
+                let scene = of_module(surface);
+                let few = options.clone().with_samples(8);
+                let see = |k| render(&scene, &camera, &step.options(&few, k));
+                let (a, b) = (see(0)?.radiance, see(1)?.radiance);
+                let loss = loss::mse_unbiased(a.clone(), b, target.clone())?;
+                let evaluation = Evaluation::new(loss)
+                    .with_image("render", a)
+                    .with_target("render", target.clone());
+                let with_value = |all: Evaluation, (name, value)| all.with_value(name, value);
+                Ok(values(surface).into_iter().fold(evaluation, with_value))
+            })?
+    };
 
     let found = all(&fitted.module);
     let images = [

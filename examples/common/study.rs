@@ -11,7 +11,9 @@ use burn::optim::ModuleOptimizer;
 use clap::Parser;
 use softray::figure::{Figure, Panel, Plot};
 use softray::io::Animation;
-use softray::optim::{Evaluation, Fit, Fitted, Report, Step, loss, pixel_angle};
+use softray::optim::{
+    Evaluation, Fit, Fitted, LeastSquares, Report, Residual, Step, loss, pixel_angle,
+};
 use softray::prelude::*;
 
 pub type Failure = Box<dyn Error>;
@@ -25,6 +27,9 @@ pub struct Arguments {
     /// Number of steps of the fit.
     #[arg(long)]
     pub steps: Option<usize>,
+    /// Fit by least squares, in few steps with derivative images, in place of gradient descent. Some examples have it.
+    #[arg(long)]
+    pub least_squares: bool,
     /// Random seed of the renders.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -48,6 +53,7 @@ impl Arguments {
         Self {
             quick: true,
             steps: None,
+            least_squares: false,
             seed: 1,
             resume: false,
             pictures: false,
@@ -148,6 +154,11 @@ pub trait Problem {
 
     /// Returns the loss of a step.
     fn evaluate(&self, module: &Self::Module, step: &Step) -> softray::Result<Evaluation>;
+
+    /// Returns the view of a step for a fit by least squares. Problems without one can't be fitted so.
+    fn residual(&self, _: &Self::Module, _: &Step) -> softray::Result<Residual> {
+        unimplemented!("this problem has no least squares")
+    }
 }
 
 /// The result of a fit: the distance of the parameters from the target's.
@@ -166,6 +177,9 @@ impl Outcome {
         self.errors[0] / self.errors[1]
     }
 }
+
+/// The number of steps of a fit by least squares.
+const LEAST_SQUARES_STEPS: usize = 12;
 
 type Images = Rc<RefCell<Vec<(usize, HostImage)>>>;
 
@@ -186,6 +200,10 @@ impl<'a> Study<'a> {
         arguments: &'a Arguments,
         steps: usize,
     ) -> Self {
+        let steps = match arguments.least_squares {
+            true => LEAST_SQUARES_STEPS,
+            false => steps,
+        };
         Self {
             name,
             title,
@@ -206,29 +224,55 @@ impl<'a> Study<'a> {
         module: M,
         optimizer: impl Into<ModuleOptimizer>,
     ) -> Fit<M> {
+        let fit = Fit::new(module, optimizer, self.steps)
+            .with_seed(self.arguments.seed)
+            .with_folder(self.folder())
+            .with_restart(!self.arguments.resume)
+            .on_step(self.steps.div_ceil(4).max(1), self.keep());
+        match self.pictures() {
+            Some((folder, every)) => fit.with_pictures(folder, every),
+            None => fit,
+        }
+    }
+
+    /// Creates the same fit by least squares.
+    pub fn least_squares<M: Module + 'static>(&self, module: M) -> LeastSquares<M> {
+        let fit = LeastSquares::new(module, self.steps)
+            .with_seed(self.arguments.seed)
+            .with_folder(self.folder())
+            .with_restart(!self.arguments.resume)
+            .on_step(self.steps.div_ceil(4).max(1), self.keep());
+        match self.pictures() {
+            Some((folder, every)) => fit.with_pictures(folder, every),
+            None => fit,
+        }
+    }
+
+    fn folder(&self) -> PathBuf {
+        self.arguments.out.join(self.name)
+    }
+
+    /// Returns the folder and the interval of pictures, if they are wanted.
+    fn pictures(&self) -> Option<(PathBuf, usize)> {
+        let every = self.steps.div_ceil(20).max(1);
+        let wanted = self.arguments.pictures;
+        wanted.then(|| (self.folder().join("pictures"), every))
+    }
+
+    /// Returns a callback that keeps the first image of a step.
+    fn keep<M>(&self) -> impl FnMut(&Report<M>) -> softray::Result<bool> + 'static {
         let snapshots = self.snapshots.clone();
-        let keep = move |report: &Report<M>| {
+        move |report| {
             if let Some((_, image)) = report.images()?.into_iter().next() {
                 snapshots.borrow_mut().push((report.step.index, image));
             }
             Ok(true)
-        };
-        let folder = self.arguments.out.join(self.name);
-        let fit = Fit::new(module, optimizer, self.steps)
-            .with_seed(self.arguments.seed)
-            .with_folder(&folder)
-            .with_restart(!self.arguments.resume)
-            .on_step(self.steps.div_ceil(4).max(1), keep);
-        if self.arguments.pictures {
-            fit.with_pictures(folder.join("pictures"), self.steps.div_ceil(20).max(1))
-        } else {
-            fit
         }
     }
 
     /// Returns an animation of the fit's pictures, in the order of their names.
     fn animation(&self) -> Result<Animation, Failure> {
-        let folder = self.arguments.out.join(self.name).join("pictures");
+        let folder = self.folder().join("pictures");
         let mut files: Vec<PathBuf> = std::fs::read_dir(folder)?
             .map(|entry| entry.map(|e| e.path()))
             .collect::<Result<_, _>>()?;

@@ -22,13 +22,11 @@ use numbers::{gradients, numbers, with_numbers};
 
 /// The most numbers of a module: each costs derivative images.
 const MAX_NUMBERS: usize = 256;
-/// The damping of the first step, and the least.
-const DAMPING: f64 = 1e-2;
+/// The damping of the first step, the least and the most, and the factor between those that a step tries.
+const DAMPING: f64 = 1.0;
 const MIN_DAMPING: f64 = 1e-6;
-/// The dampings that a step tries, relative to that of the last step, and those that follow if none of these reduces
-/// the loss.
-const TRIED: [f64; 3] = [0.1, 1.0, 10.0];
-const LARGER: [f64; 3] = [1e2, 1e3, 1e4];
+const MAX_DAMPING: f64 = 1e6;
+const FACTOR: f64 = 10.0;
 /// The name of the damping in the history.
 const NAME: &str = "damping";
 
@@ -43,6 +41,7 @@ pub struct Residual {
     target: Tensor<3>,
     name: String,
     levels: usize,
+    values: Vec<(String, f64)>,
 }
 
 impl Residual {
@@ -56,6 +55,7 @@ impl Residual {
             target,
             name: "render".into(),
             levels: 1,
+            values: Vec::new(),
         }
     }
 
@@ -70,6 +70,12 @@ impl Residual {
     /// further away.
     pub fn with_levels(mut self, levels: usize) -> Self {
         self.levels = levels;
+        self
+    }
+
+    /// Adds a value for the history; see [`Evaluation::with_value`].
+    pub fn with_value(mut self, name: impl Into<String>, value: f64) -> Self {
+        self.values.push((name.into(), value));
         self
     }
 
@@ -309,7 +315,7 @@ impl<'a, M: Module> Problem<'a, M> {
         views.iter().try_for_each(Residual::check)?;
         let (mut evaluation, equations) = self.equations(&views, f)?;
         let unused: Vec<usize> = equations.unused().collect();
-        if unused.len() == self.numbers.len() {
+        if unused.len() == self.numbers.len() && self.step.index == 0 {
             let expected = "numbers of the module on which the images depend";
             return Err(Error::invalid(
                 "least squares",
@@ -366,7 +372,11 @@ impl<'a, M: Module> Problem<'a, M> {
                 None => all = Some(own),
                 Some(all) => all.add(&own),
             }
-            evaluation = evaluation
+            let values = view.values.iter();
+            evaluation = values
+                .fold(evaluation, |all, (name, value)| {
+                    all.with_value(name, *value)
+                })
                 .with_image(view.name.as_str(), image)
                 .with_target(view.name.as_str(), view.target.clone());
         }
@@ -376,27 +386,39 @@ impl<'a, M: Module> Problem<'a, M> {
         Ok((evaluation, equations))
     }
 
-    /// Returns the damping and the step with the least loss. The step is 0 if none reduces the loss.
+    /// Returns the damping and the step with the least loss: it goes from the last damping to larger and to smaller ones
+    /// while the loss falls. The step is 0 if none reduces the loss.
     fn best(&self, equations: &Equations, last: f64, f: Views<M>) -> Result<(f64, Vec<f64>)> {
         let none = vec![0.0; self.numbers.len()];
         let here = self.loss(&none, f)?;
-        let mut best = (here, last, none);
-        for (k, factor) in TRIED.into_iter().chain(LARGER).enumerate() {
-            if k >= TRIED.len() && best.0 < here {
-                break;
-            }
-            let damping = (last * factor).max(MIN_DAMPING);
-            let Some(step) = equations.step(damping) else {
-                continue;
-            };
+        let mut tried = |damping: f64| -> (f64, f64, Vec<f64>) {
+            let step = equations.step(damping);
             // A long step may lead to a scene that is an error.
-            let loss = self.loss(&step, f).unwrap_or(f64::INFINITY);
-            if loss < best.0 {
-                best = (loss, damping, step);
+            let of_step = step.map(|step| (self.loss(&step, f).unwrap_or(f64::INFINITY), step));
+            let (loss, step) = of_step.unwrap_or((f64::INFINITY, none.clone()));
+            (loss, damping, step)
+        };
+        let mut best = tried(last);
+        for factor in [FACTOR, FACTOR.recip()] {
+            let from = best.1;
+            let dampings = (1..).map(|k| from * factor.powi(k));
+            for damping in dampings.take_while(|d| (MIN_DAMPING..=MAX_DAMPING).contains(d)) {
+                let next = tried(damping);
+                // Larger dampings are tried until one reduces the loss.
+                let hopeless = factor > 1.0 && best.0.min(next.0) >= here;
+                if next.0 >= best.0 && !hopeless {
+                    break;
+                }
+                if next.0 < best.0 {
+                    best = next;
+                }
+            }
+            if best.1 != last {
+                break;
             }
         }
         if best.0 >= here {
-            best.1 = (last * LARGER[0]).min(1.0);
+            return Ok((DAMPING.max(last), none));
         }
         Ok((best.1, best.2))
     }
