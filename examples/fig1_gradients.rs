@@ -6,11 +6,10 @@ pub(crate) mod common;
 use std::time::Instant;
 
 use clap::Parser;
-use rayon::prelude::*;
 use softray::figure::{Diverging, Figure, Panel};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, numbers, picture};
+use common::study::{Arguments, Failure, picture};
 
 /// The agreement of the derivative image with central differences of renders with more samples.
 #[derive(Clone, Copy, Debug)]
@@ -50,30 +49,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Agreement, Failure> {
     let at = |x: f64| scene(Tensor::from_floats([x, 0.0, 0.0], &device), &device);
 
     let image = picture(&at(0.0), &camera, &options.clone().with_samples(512))?;
-    // Each pixel is a separate render with its own backward pass.
-    let derivative = |pixel: u32| -> softray::Result<f64> {
-        let offset = Tensor::zeros([3], &device).autodiff().require_grad();
-        let scene = scene(offset.clone(), &device);
-        let image = render_pixels(&scene, &camera, &options, &[pixel])?;
-        let gradients = image.radiance.sum().backward();
-        let gradient = offset.grad(&gradients);
-        Ok(gradient.map_or(0.0, |g| numbers(&g)[0]))
-    };
-    let bar = common::bar((size * size) as u64, "derivatives");
-    let pixels = 0..(size * size) as u32;
-    let derivatives = pixels
-        .into_par_iter()
-        .inspect(|_| bar.inc(1))
-        .map(derivative)
-        .collect::<softray::Result<Vec<f64>>>()?;
-    bar.finish_and_clear();
+    // The derivatives of all pixels in one pass.
+    let build = |values: &[f64]| Ok((at(values[0]), camera.clone()));
+    let (scene, camera, tangents) = Tangent::of_numbers(&[0.0], build)?;
+    let derivative = render_derivative(&scene, &camera, &options, &tangents)?;
+    let by_x = HostImage::from_tensor(&derivative.tangents.view(0).radiance)?;
+    let sum = |p: &[f32]| p.iter().map(|&v| f64::from(v)).sum::<f64>();
+    let derivatives: Vec<f64> = by_x.pixels.chunks_exact(3).map(sum).collect();
 
     // The same derivatives by central differences.
     let h = 0.04;
     let fine = options.clone().with_samples(8 * samples);
     let [left, right] = [-h, h].map(|x| picture(&at(x), &camera, &fine));
     let (left, right) = (left?, right?);
-    let sum = |p: &[f32]| p.iter().map(|&v| f64::from(v)).sum::<f64>();
     let differences: Vec<f64> = left
         .pixels
         .chunks_exact(3)

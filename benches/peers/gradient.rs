@@ -58,9 +58,7 @@ impl Request {
         }
         match &self.weights {
             Some(weights) => Ok(vec![self.scalar(file, weights, &options)?]),
-            None => (0..BLOCKS * BLOCKS)
-                .map(|block| self.of_block(file, block, &options))
-                .collect(),
+            None => self.of_blocks(file, &options),
         }
     }
 
@@ -82,21 +80,16 @@ impl Request {
         derivative(&x, loss)
     }
 
-    /// Of a block alone: there is no forward mode, so each is a backward pass of its own.
-    fn of_block(
-        &self,
-        file: &SceneFile,
-        block: usize,
-        options: &RenderOptions,
-    ) -> softray::Result<f64> {
-        let x = leaf(file);
-        let scene = self.motion.apply(&file.scene, &x)?;
-        let size = self.view.size as u32;
-        let pixels: Vec<u32> = (0..size * size)
-            .filter(|&p| self.block_of(p as usize) == block)
-            .collect();
-        let image = render_pixels(&scene, &file.camera, options, &pixels)?;
-        derivative(&x, image.radiance.sum())
+    /// Of all blocks, from one derivative image.
+    fn of_blocks(&self, file: &SceneFile, options: &RenderOptions) -> softray::Result<Vec<f64>> {
+        let device = self.view.device()?;
+        let build = |values: &[f64]| {
+            let x = Tensor::<1>::from_floats([values[0] as f32], &device);
+            Ok((self.motion.apply(&file.scene, &x)?, file.camera.clone()))
+        };
+        let (scene, camera, tangents) = Tangent::of_numbers(&[0.0], build)?;
+        let derivative = render_derivative(&scene, &camera, options, &tangents)?;
+        self.sums(&derivative.tangents.view(0).radiance)
     }
 
     fn block_of(&self, pixel: usize) -> usize {
@@ -115,7 +108,12 @@ impl Request {
         let x = Tensor::<1>::from_floats([x as f32], &self.view.device()?);
         let scene = self.motion.apply(&file.scene, &x)?;
         let image = render(&scene, &file.camera, options)?;
-        let image = HostImage::from_tensor(&image.radiance)?;
+        self.sums(&image.radiance)
+    }
+
+    /// The sums of an image's blocks.
+    fn sums(&self, image: &Tensor<3>) -> softray::Result<Vec<f64>> {
+        let image = HostImage::from_tensor(image)?;
         let mut sums = vec![0.0; BLOCKS * BLOCKS];
         for (p, channels) in image.pixels.chunks(3).enumerate() {
             sums[self.block_of(p)] += channels.iter().map(|&c| f64::from(c)).sum::<f64>();

@@ -14,6 +14,8 @@ use crate::scene::{Camera, Object, Parameter, ParameterId, Scene, Visit, visit_t
 const STEP: f64 = 0.5;
 const FACTOR: f64 = 4.0;
 const STEPS: usize = 6;
+/// The error, relative to the largest derivative, at which the extrapolation ends. It is above the rounding of f32.
+const PRECISION: f64 = 1e-6;
 /// The step along a direction, relative to the largest value, for tangents of normal maps.
 const TANGENT_STEP: f64 = 1e-3;
 
@@ -241,7 +243,10 @@ fn extrapolated(
             row.push(finer);
         }
         let least = best.as_ref().map_or(f64::INFINITY, |best| best.0);
-        if least == 0.0 || (error.is_finite() && error > 2.0 * least) {
+        let size = best.iter().flat_map(|best| &best.1).map(Values::largest);
+        if least <= PRECISION * size.fold(0.0, f64::max)
+            || (error.is_finite() && error > 2.0 * least)
+        {
             break;
         }
         last = row;
@@ -292,6 +297,12 @@ impl Values {
             }
         }
         finer
+    }
+
+    /// Returns the largest absolute value.
+    fn largest(&self) -> f64 {
+        let values = self.all.iter().flat_map(|(_, values)| values);
+        values.fold(0.0, |largest, value| value.abs().max(largest))
     }
 
     /// Returns the largest difference of two values.

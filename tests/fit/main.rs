@@ -7,6 +7,7 @@ mod parameters;
 mod backends;
 mod fit_settings;
 mod large_steps;
+mod least_squares;
 mod losses;
 mod mesh_losses;
 mod mistakes;

@@ -7,6 +7,7 @@ use crate::common::errors::{message, says};
 use crate::common::facets::facet_cases;
 use crate::common::gradients::{CONES, Case, SHARP, all_classes, lights};
 use crate::common::numbers::mean_and_error;
+use crate::common::scenes::floor;
 use crate::common::tensors::{gradient, leaf, tensor, values};
 
 const SIZE: usize = 12;
@@ -80,4 +81,162 @@ fn products_agree_with_the_backward_pass() {
         }
     }
     assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// A ball over a floor, which moves and grows, before a camera that turns: two directions.
+fn ball(device: &Device) -> (Scene, Camera, Vec<Tangent>) {
+    let build = |v: &[f64]| {
+        let ball = shapes::icosphere(1, device).scaled(0.5 + v[1]);
+        let floor = floor(2.0, -0.6, device);
+        let scene = Scene::new()
+            .with_object(Object::new(ball.translated([v[0], 0.0, 0.0])))
+            .with_object(Object::new(floor))
+            .with_environment([1.0, 0.9, 0.8]);
+        Ok((scene, Camera::look_at([0.3 * v[0], 0.7, 3.0], [0.0; 3])))
+    };
+    Tangent::of_numbers(&[0.1, 0.0], build).expect("tangents")
+}
+
+fn all_outputs() -> RenderOptions {
+    RenderOptions::new(SIZE, SIZE)
+        .with_samples(64)
+        .with_bounces(1)
+        .with_opacity()
+        .with_depth()
+        .with_normals()
+}
+
+/// Derivatives of depth, normals and opacity, and numbers of edges that adapt: the same means as those of backward passes.
+#[test]
+fn derivatives_of_all_outputs_are_unbiased() {
+    let device = Device::flex();
+    let weights: Vec<f64> = (0..8 * SIZE * SIZE)
+        .map(|i| 1.0 + 0.5 * f64::from((i % 17) as u8))
+        .collect();
+    let weight = |k: usize| {
+        tensor::<1>(
+            &weights[k * SIZE * SIZE..][..SIZE * SIZE],
+            [SIZE * SIZE],
+            &device,
+            DType::F32,
+        )
+    };
+    let scalar = |image: &Image| -> Tensor<1> {
+        let planes = |t: Tensor<3>| t.reshape([SIZE * SIZE, 3]);
+        let colors = planes(image.radiance.clone());
+        let normals = planes(image.normals.clone().expect("it"));
+        let single = |t: &Option<Tensor<2>>| t.clone().expect("it").reshape([SIZE * SIZE, 1]);
+        let all = [
+            colors,
+            single(&image.opacity),
+            single(&image.depth),
+            normals,
+        ];
+        let all = Tensor::cat(all.to_vec(), 1);
+        (0..8)
+            .map(|k| (all.clone().narrow(1, k, 1).reshape([SIZE * SIZE]) * weight(k)).sum())
+            .reduce(|a, b| a + b)
+            .expect("eight")
+    };
+    let (scene, camera, tangents) = ball(&device);
+    let value = |t: Tensor<1>| values(&t.inner())[0];
+    let mut apart = [Vec::new(), Vec::new()];
+    let mut sizes = [0.0; 2];
+    for seed in 0..40 {
+        let options = all_outputs().with_seed(seed);
+        let derivative =
+            render_derivative(&scene, &camera, &options, &tangents).expect("derivatives");
+        let x = leaf(&[0.1], &device);
+        let grow = leaf(&[0.5], &device);
+        let zero = Tensor::zeros([2], &device);
+        let moved = shapes::icosphere(1, &device)
+            .scaled(grow.clone())
+            .translated(Tensor::cat(vec![x.clone(), zero], 0));
+        let scene = scene
+            .clone()
+            .map_object("object", |o| o.map_mesh(|_| moved.clone()));
+        let eye = Tensor::cat(
+            vec![x.clone() * 0.3, Tensor::from_floats([0.7, 3.0], &device)],
+            0,
+        );
+        let scene = scene.expect("the ball");
+        let image = render(
+            &scene,
+            &Camera::look_at(eye, [0.0; 3]),
+            &options.with_seed(1000 + seed),
+        )
+        .expect("an image");
+        let gradients = scalar(&image).backward();
+        for (k, p) in [&x, &grow].into_iter().enumerate() {
+            let backward = gradient(p, &gradients)[0];
+            apart[k].push(value(scalar(&derivative.tangents.view(k))) - backward);
+            sizes[k] += backward / 40.0;
+        }
+    }
+    for (apart, size) in apart.iter().zip(sizes) {
+        let (mean, error) = mean_and_error(apart);
+        println!("{size}: apart by {mean} ± {error}");
+        assert!(
+            error < 0.02 * size.abs() && mean.abs() < 4.0 * error,
+            "{mean} ± {error} of {size}"
+        );
+    }
+}
+
+/// Several directions at once are the same as each alone, twice the same, and of a direction in which nothing changes 0.
+#[test]
+fn directions_do_not_influence_each_other() {
+    let device = Device::flex();
+    let (scene, camera, mut tangents) = ball(&device);
+    tangents.push(Tangent::new(&scene, &camera, |_, _| {}).expect("a tangent"));
+    let options = all_outputs().with_samples(8).with_adaptive_edges(false);
+    let of = |tangents: &[Tangent]| {
+        let all = render_derivative(&scene, &camera, &options, tangents).expect("derivatives");
+        all.tangents
+    };
+    let together = of(&tangents);
+    let depth = |images: &ImageBatch, k| values(&images.view(k).depth.expect("it"));
+    for (k, tangent) in tangents.iter().take(2).enumerate() {
+        let alone = of(std::slice::from_ref(tangent));
+        assert_eq!(
+            values(&alone.view(0).radiance),
+            values(&together.view(k).radiance)
+        );
+        assert_eq!(depth(&alone, 0), depth(&together, k));
+    }
+    assert!(values(&together.view(2).radiance).iter().all(|&v| v == 0.0));
+    let still = of(&tangents[2..]);
+    assert!(values(&still.radiance).iter().all(|&v| v == 0.0));
+}
+
+#[test]
+fn errors_name_what_is_wrong() {
+    let device = Device::flex();
+    let (scene, camera, tangents) = ball(&device);
+    let of = |options: RenderOptions, tangents: &[Tangent]| {
+        message(render_derivative(&scene, &camera, &options, tangents).map(drop))
+    };
+    let options = RenderOptions::new(4, 4).with_samples(1);
+    says(of(options.clone(), &[]), ["tangents", "at least one"]);
+    says(
+        of(options.clone().with_engine(Engine::Tensors), &tangents),
+        ["engine", "Kernels"],
+    );
+    let softmax = options.with_visibility(Visibility::softmax(1e-3, 1e-3));
+    says(of(softmax, &tangents), ["visibility", "Cone"]);
+    let set = |value: f32, rows: usize| {
+        message(
+            Tangent::new(&scene, &camera, |scene, _| {
+                scene.objects[0].mesh.vertices = Tensor::full([rows, 3], value, &device);
+            })
+            .map(drop),
+        )
+    };
+    says(set(1.0, 5), ["vertices", "15", "126"]);
+    says(set(f32::NAN, 42), ["vertices", "finite"]);
+    let grows = Tangent::of_numbers(&[1.5], |v| {
+        let scene = Scene::new().with_object(Object::new(shapes::icosphere(v[0] as u32, &device)));
+        Ok((scene, camera.clone()))
+    });
+    says(message(grows.map(drop)), ["vertices", "as in the scene"]);
 }

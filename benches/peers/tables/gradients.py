@@ -7,7 +7,7 @@ import common
 import numpy as np
 import scenes
 
-#: Meshes finer than this have no derivative images (softray makes ready a gradient for each of 64 blocks) and no softmax.
+#: Meshes finer than this have no softmax.
 FINEST = 5120
 #: Renderer, samples a pixel of its series of scalars, whether it has derivatives of images too, cases it is run on.
 RENDERERS = [
@@ -69,7 +69,7 @@ def measure(programs, a):
             answer = programs.ask(renderer, {**request, **scalar, **more})
             found = [statistics(s, [truth["scalar"]]) for s in answer["series"]]
             row = {"case": name, "renderer": renderer, "scalar": found}
-            if image and faces <= FINEST:
+            if image:
                 answer = programs.ask(renderer, {**request, **more, "samples": [64]})
                 row["image"] = [statistics(s, truth["blocks"]) for s in answer["series"]]
             rows.append(row)
@@ -174,7 +174,7 @@ def report(result, folder):
     image = [r for r in RENDERERS if r[2]]
     renderers = [r[0] for r in image]
     text += "\nDerivative images, with all 64 blocks of 8 × 8 pixels at once: the error after one second, divided by the norm of the "
-    text += "truth. Mitsuba has a forward mode. softray has none, so each block needs its own backward pass:\n\n"
+    text += "truth. Both use forward mode:\n\n"
     text += common.table(["derivative image", "softray", "`prb_projective`"], rows("image", error("error of truth, image", 1.0)))
     plot(result, by, names, folder)
     text += "\n![Error of gradients over time](peers_gradients.png)\n"
