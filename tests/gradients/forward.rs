@@ -89,10 +89,11 @@ fn ball(device: &Device) -> (Scene, Camera, Vec<Tangent>) {
         let ball = shapes::icosphere(1, device).scaled(0.5 + v[1]);
         let floor = floor(2.0, -0.6, device);
         let scene = Scene::new()
-            .with_object(Object::new(ball.translated([v[0], 0.0, 0.0])))
+            .with_object(Object::new(ball.translated([v[0], 0.0, 0.0])).with_name("ball"))
             .with_object(Object::new(floor))
             .with_environment([1.0, 0.9, 0.8]);
-        Ok((scene, Camera::look_at([0.3 * v[0], 0.7, 3.0], [0.0; 3])))
+        let eye = [0.3 * v[0], 0.7, 3.0 + v[1]];
+        Ok((scene, Camera::look_at(eye, [0.0; 3])))
     };
     Tangent::of_numbers(&[0.1, 0.0], build).expect("tangents")
 }
@@ -154,11 +155,9 @@ fn derivatives_of_all_outputs_are_unbiased() {
             .translated(Tensor::cat(vec![x.clone(), zero], 0));
         let scene = scene
             .clone()
-            .map_object("object", |o| o.map_mesh(|_| moved.clone()));
-        let eye = Tensor::cat(
-            vec![x.clone() * 0.3, Tensor::from_floats([0.7, 3.0], &device)],
-            0,
-        );
+            .map_object("ball", |o| o.map_mesh(|_| moved.clone()));
+        let up = Tensor::from_floats([0.7], &device);
+        let eye = Tensor::cat(vec![x.clone() * 0.3, up, grow.clone() + 2.5], 0);
         let scene = scene.expect("the ball");
         let image = render(
             &scene,
@@ -183,7 +182,8 @@ fn derivatives_of_all_outputs_are_unbiased() {
     }
 }
 
-/// Several directions at once are the same as each alone, twice the same, and of a direction in which nothing changes 0.
+/// Several directions in which the same values change have the same bits at once as alone, and a direction in which nothing
+/// changes has a derivative of 0.
 #[test]
 fn directions_do_not_influence_each_other() {
     let device = Device::flex();
@@ -198,11 +198,8 @@ fn directions_do_not_influence_each_other() {
     let depth = |images: &ImageBatch, k| values(&images.view(k).depth.expect("it"));
     for (k, tangent) in tangents.iter().take(2).enumerate() {
         let alone = of(std::slice::from_ref(tangent));
-        assert_eq!(
-            values(&alone.view(0).radiance),
-            values(&together.view(k).radiance)
-        );
-        assert_eq!(depth(&alone, 0), depth(&together, k));
+        assert!(values(&alone.view(0).radiance) == values(&together.view(k).radiance));
+        assert!(depth(&alone, 0) == depth(&together, k));
     }
     assert!(values(&together.view(2).radiance).iter().all(|&v| v == 0.0));
     let still = of(&tangents[2..]);
@@ -234,7 +231,7 @@ fn errors_name_what_is_wrong() {
     };
     says(set(1.0, 5), ["vertices", "15", "126"]);
     says(set(f32::NAN, 42), ["vertices", "finite"]);
-    let grows = Tangent::of_numbers(&[1.5], |v| {
+    let grows = Tangent::of_numbers(&[1.0], |v| {
         let scene = Scene::new().with_object(Object::new(shapes::icosphere(v[0] as u32, &device)));
         Ok((scene, camera.clone()))
     });

@@ -13,6 +13,8 @@ pub(super) struct Equations {
     pub gradient: Vec<f64>,
     /// r·s, the loss.
     pub loss: f64,
+    /// The square of the standard error of the loss. It is too large where the loss is far above its noise.
+    pub variance: f64,
 }
 
 /// The residuals of a render and their derivatives with respect to each number.
@@ -40,6 +42,10 @@ impl Equations {
                 .map(|(by_a, by_b)| 0.5 * (dot(by_a, &b.residuals) + dot(by_b, &a.residuals)))
                 .collect(),
             loss: dot(&a.residuals, &b.residuals),
+            variance: {
+                let products = a.residuals.iter().zip(&b.residuals);
+                products.map(|(r, s)| (r * s).powi(2)).sum()
+            },
         }
     }
 
@@ -51,6 +57,7 @@ impl Equations {
         add(&mut self.scale, &other.scale);
         add(&mut self.gradient, &other.gradient);
         self.loss += other.loss;
+        self.variance += other.variance;
     }
 
     /// Returns which numbers have no influence on the residuals.

@@ -27,8 +27,11 @@ const DAMPING: f64 = 1.0;
 const MIN_DAMPING: f64 = 1e-6;
 const MAX_DAMPING: f64 = 1e6;
 const FACTOR: f64 = 10.0;
-/// The name of the damping in the history.
-const NAME: &str = "damping";
+/// The samples of a trial, relative to those of a step.
+const TRIAL: f64 = 0.5;
+/// The names of values in the history: the damping, the number of steps that are averaged, and the level of noise below
+/// which losses are not distinguished.
+const NAMES: [&str; 3] = ["damping", "averaged", "noise"];
 
 /// A view whose image should become a target: a scene, a camera, the options of its renders and the target image.
 ///
@@ -139,8 +142,10 @@ impl Residual {
 
     /// Returns the loss from two renders.
     fn loss(&self, seeds: [u64; 2]) -> Result<f64> {
+        let samples = (f64::from(self.options.samples) * TRIAL).ceil() as u32;
         let [a, b] = seeds.map(|seed| {
-            let image = render(&self.scene, &self.camera, &self.options(seed))?;
+            let options = self.options(seed).with_samples(samples);
+            let image = render(&self.scene, &self.camera, &options)?;
             self.residuals(image.radiance)
         });
         Ok(a?.iter().zip(&b?).map(|(a, b)| a * b).sum())
@@ -159,9 +164,14 @@ impl Residual {
 /// divides by the matrix, has a bias of the order of the matrix's variance: it makes steps a little too long or too
 /// short, and does not move the point at which the fit ends.
 ///
+/// Where the loss stops falling, each step is an estimate of the target with noise of its own. From there on the fit takes
+/// the mean of these estimates: step n of them moves the numbers by 1/n of the solution. So more steps reduce the noise
+/// of the result, as more samples do.
+///
 /// *Damping.* A step tries several dampings, renders the scene at each resulting point with the same seeds, and takes
-/// the point with the least loss. If none is better than the current point, the numbers stay, and the next step begins with
-/// a larger damping. The history has the damping as a value.
+/// the point with the least loss. If all are clearly worse than the current point, the numbers stay, and the next step begins
+/// with a larger damping. The history has as values the damping, the number of steps that are averaged and the level of
+/// noise of the loss.
 ///
 /// Folders, checkpoints, pictures, the history and callbacks are those of [`Fit`].
 ///
@@ -324,10 +334,17 @@ impl<'a, M: Module> Problem<'a, M> {
                 expected,
             ));
         }
-        let last = history.names.iter().position(|name| name == NAME);
-        let last = last.and_then(|k| history.rows.last()?.values.get(k).copied());
-        let (damping, step) = self.best(&equations, last.unwrap_or(DAMPING), f)?;
-        evaluation = evaluation.with_value(NAME, damping);
+        let last = |name: &str| history.curve(name).last().map(|point| point.1);
+        let [damping, averaged, noise] = NAMES.map(last);
+        let (damping, step) = self.best(&equations, damping.unwrap_or(DAMPING), f)?;
+        // The larger of loss and noise falls while steps are far from the target. Then earlier steps do not count.
+        let own = equations.variance.sqrt();
+        let before = history.rows.last().zip(noise);
+        let before = before.map_or(f64::INFINITY, |(row, noise)| row.loss.max(noise));
+        let kept = (equations.loss.max(own) / before).min(1.0);
+        let averaged = 1.0 + kept * averaged.unwrap_or(0.0);
+        let values = NAMES.into_iter().zip([damping, averaged, own]);
+        evaluation = values.fold(evaluation, |all, (name, value)| all.with_value(name, value));
         let gradient = &equations.gradient;
         let mut unused: Vec<String> = unused.iter().map(|&i| self.paths[i].clone()).collect();
         unused.dedup();
@@ -335,7 +352,10 @@ impl<'a, M: Module> Problem<'a, M> {
             evaluation,
             loss: equations.loss,
             norm: 2.0 * gradient.iter().map(|g| g * g).sum::<f64>().sqrt(),
-            gradients: gradients(self.module, &step.iter().map(|x| -x).collect::<Vec<_>>()),
+            gradients: gradients(
+                self.module,
+                &step.iter().map(|x| -x / averaged).collect::<Vec<_>>(),
+            ),
             unused,
         })
     }
@@ -417,7 +437,8 @@ impl<'a, M: Module> Problem<'a, M> {
                 break;
             }
         }
-        if best.0 >= here {
+        // Differences within the noise do not matter.
+        if best.0 > here + equations.variance.sqrt() {
             return Ok((DAMPING.max(last), none));
         }
         Ok((best.1, best.2))
