@@ -62,6 +62,30 @@ fn cornell_box_gradient(bencher: Bencher, bounces: u32) {
         });
 }
 
+/// The derivative images of the same, over the number of directions in which the short block moves.
+#[divan::bench(args = [1, 2, 4, 8], sample_count = 10)]
+fn cornell_box_directions(bencher: Bencher, directions: usize) {
+    let file = cornell(&Device::flex());
+    let options = options(1);
+    let tangents: Vec<Tangent> = (0..directions)
+        .map(|k| {
+            let along: [f32; 3] = std::array::from_fn(|axis| ((k + axis) as f32).sin());
+            let set = |scene: &mut Scene, _: &mut Camera| {
+                let short = scene.objects.iter_mut().find(|o| o.name == "short");
+                let vertices = &mut short.expect("the object").mesh.vertices;
+                let along = Tensor::<2>::from_floats([along], &Device::flex());
+                *vertices = along.expand(vertices.dims());
+            };
+            Tangent::new(&file.scene, &file.camera, set).expect("a direction")
+        })
+        .collect();
+    bencher
+        .counter(ItemsCount::new(rays(&file.scene, &file.camera, &options)))
+        .bench(|| {
+            render_derivative(&file.scene, &file.camera, &options, &tangents).expect("derivatives")
+        });
+}
+
 /// A sphere in a uniform environment, without gradient, over its faces.
 #[divan::bench(args = [1, 2, 3], sample_count = 10)]
 fn icosphere(bencher: Bencher, subdivisions: u32) {
