@@ -133,6 +133,13 @@ impl Batch {
         self.views.is_empty()
     }
 
+    /// Whether the first mesh is on a device of a server, where the others must be too.
+    #[cfg(feature = "remote")]
+    pub(super) fn is_remote(&self) -> bool {
+        let object = self.scenes.first().and_then(|scene| scene.objects.first());
+        object.is_some_and(|o| crate::device::remote::remote(&o.mesh.vertices.device()).is_some())
+    }
+
     /// Returns the batch, with tangents added to meshes that have a normal map and no tangents.
     pub(super) fn with_tangents(&self) -> Cow<'_, Self> {
         let mut all = Cow::Borrowed(self);

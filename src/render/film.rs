@@ -2,6 +2,7 @@
 
 use burn::tensor::kind::Basic;
 use burn::tensor::{Int, Tensor};
+use serde::{Deserialize, Serialize};
 
 use super::outputs::Outputs;
 use crate::error::Result;
@@ -11,7 +12,7 @@ use crate::tensors::{Diagnostics, RayStatistics};
 /// The program that computed an image; see [`Engine`](super::Engine).
 ///
 /// [`Statistics`] has an example.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Program {
     /// Kernels on the host's cores.
@@ -36,7 +37,7 @@ pub enum Program {
 /// assert_eq!(image.diagnostics.expect("diagnostics").degenerate_triangles, 0);
 /// # Ok::<(), softray::Error>(())
 /// ```
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Statistics {
     /// The program that ran.
@@ -54,7 +55,7 @@ pub struct Statistics {
 /// Statistics of the number of surfaces that may contribute to a ray; 0 if all triangles are tested.
 ///
 /// [`Visibility`](super::Visibility) has an example.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct SurfacesPerRay {
     /// The mean over rays.
@@ -208,7 +209,7 @@ impl ImageBatch {
 }
 
 /// Means over the samples of all pixels of all views.
-pub(super) struct Means {
+pub(crate) struct Means {
     /// Shape `[B, P, C]`, channels in the order radiance, opacity, depth, normal, albedo, weights of objects and
     /// the background.
     pub mean: Tensor<3>,

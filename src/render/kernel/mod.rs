@@ -46,6 +46,12 @@ pub(super) fn jumps(
     Ok(backward.gradient(upstream))
 }
 
+/// The number of channels of the rows of scenes with at most so many objects.
+#[cfg(feature = "remote")]
+pub(super) fn channels(options: &RenderOptions, objects: usize) -> usize {
+    Rows::new(options.outputs, objects).count()
+}
+
 /// Renders the listed pixels of all views, or all pixels without a list.
 pub(super) fn render(
     batch: &Batch,
