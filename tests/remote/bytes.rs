@@ -72,8 +72,15 @@ fn steps(proxy: &Proxy, subdivisions: u32) -> ([usize; 2], usize) {
         let options = RenderOptions::new(8, 8)
             .with_samples(1)
             .with_seed(step.into());
+        device.flush();
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        println!("A {}", proxy.sent.load(Ordering::SeqCst));
         let image = render(&scene, &camera, &options).expect("an image");
+        println!("B {}", proxy.sent.load(Ordering::SeqCst));
         let gradients = image.radiance.mean().backward();
+        device.flush();
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        println!("C {}", proxy.sent.load(Ordering::SeqCst));
         let gradient = vertices.grad(&gradients).expect("a gradient");
         assert!(gradient.abs().max().into_scalar::<f32>() > 0.0);
         finish(&device).expect("a gradient");

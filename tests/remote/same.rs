@@ -107,20 +107,20 @@ fn batches_by_vertices_and_pixels() {
         let ball = shapes::icosphere(1, &device);
         let tensor = |values: &[f32]| Tensor::<1>::from_floats(values, &device);
         let widths = tensor(&[0.8, 1.0, 1.2]).autodiff().require_grad();
-        let vertices = Tensor::stack::<3>(vec![ball.vertices.clone(); 3], 0);
-        let vertices = vertices * widths.clone().reshape([3, 1, 1]);
         let color = tensor(&[0.3, 0.5, 0.7]).autodiff().require_grad();
-        let object = Object::new(ball).with_material(Material::diffuse(color.clone()));
+        let object = Object::new(ball.clone()).with_material(Material::diffuse(color.clone()));
         let scene = Scene::new()
             .with_object(object.with_name("body"))
             .with_object(Object::new(shapes::plane_grid(4.0, 4.0, 2, 2, &device)))
             .with_environment([1.0, 1.0, 1.0]);
         let camera = Camera::look_at([0.0, 1.0, 4.0], [0.0, 0.0, 0.0]);
-        let batch = Batch::new(vec![scene.clone(); 3], vec![camera.clone()]).unwrap();
-        let batch = batch.with_vertices("body", vertices).unwrap();
         let cache = HierarchyCache::new();
         let mut all = Vec::new();
         for seed in 0..2 {
+            let vertices = Tensor::stack::<3>(vec![ball.vertices.clone(); 3], 0);
+            let vertices = vertices * widths.clone().reshape([3, 1, 1]);
+            let batch = Batch::new(vec![scene.clone(); 3], vec![camera.clone()]).unwrap();
+            let batch = batch.with_vertices("body", vertices).unwrap();
             let options = options().with_seed(seed).with_cache(&cache);
             let images = render_batch(&batch, &options.with_statistics()).unwrap();
             let loss = images.radiance.clone().powf_scalar(2.0).mean();
