@@ -74,7 +74,7 @@ pub fn connect(address: &str, token: &str) -> Result<Device> {
 
 fn not_connected(error: ConnectError) -> String {
     let remedy = match &error {
-        ConnectError::Unreachable { .. } => "is its server running, and does it listen there?",
+        ConnectError::Unreachable { .. } => "a server says at its start where it listens",
         ConnectError::Unauthorized => "is this the server's token?",
         ConnectError::IncompatibleProtocol { .. } => "build both with the same version of burn",
         ConnectError::Handshake { .. } => "is it a burn server of the same version?",

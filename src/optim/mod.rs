@@ -15,7 +15,7 @@ mod samples;
 mod schedule;
 
 #[cfg(feature = "fit")]
-pub use fit::{Evaluation, Fit, Fitted, History, Rate, Report, Row, Step, Stop, Warning};
+pub use fit::{Evaluation, Fit, Fitted, History, Part, Rate, Report, Row, Step, Stop, Warning};
 #[cfg(feature = "fit")]
 pub use large_steps::{LargeSteps, LargeStepsConfig, LargeStepsState};
 pub use mesh::MeshRegularizer;

@@ -362,11 +362,10 @@ impl State {
             diagnostics,
             ..
         } = means(&batch, &options, pixels)?;
-        let [views, count, own] = mean.dims();
-        if views * count != rows || own > channels {
+        let [own_rows, own] = mean.dims();
+        if own_rows != rows || own > channels {
             return Err(malformed("the shape of the result"));
         }
-        let mean = mean.reshape([rows, own]);
         // The weights of objects without faces, before that of the background.
         let mean = match channels - own {
             0 => mean,

@@ -210,9 +210,9 @@ impl ImageBatch {
 
 /// Means over the samples of all pixels of all views.
 pub(crate) struct Means {
-    /// Shape `[B, P, C]`, channels in the order radiance, opacity, depth, normal, albedo, weights of objects and
+    /// Shape `[B·P, C]`, channels in the order radiance, opacity, depth, normal, albedo, weights of objects and
     /// the background.
-    pub mean: Tensor<3>,
+    pub mean: Tensor<2>,
     /// The number of channels with weights of objects, without the background.
     pub objects: usize,
     pub statistics: Vec<Statistics>,
@@ -222,25 +222,25 @@ pub(crate) struct Means {
 impl Means {
     /// Splits the channels into images of width × height pixels.
     pub fn images(self, [width, height]: [usize; 2], outputs: Outputs) -> ImageBatch {
-        let [count, _, all] = self.mean.dims();
+        let (count, all) = (self.statistics.len(), self.mean.dims()[1]);
         let mut next = 0;
         let mut take = |channels: usize| {
             next += channels;
             match channels {
                 // No copy is needed for all channels.
                 _ if channels == all => self.mean.clone(),
-                _ => self.mean.clone().narrow(2, next - channels, channels),
+                _ => self.mean.clone().narrow(1, next - channels, channels),
             }
         };
-        let plane = |t: Tensor<3>| t.reshape([count, height, width]);
-        let color = |t: Tensor<3>| t.reshape([count, height, width, 3]);
+        let plane = |t: Tensor<2>| t.reshape([count, height, width]);
+        let color = |t: Tensor<2>| t.reshape([count, height, width, 3]);
         let radiance = color(take(3));
         let opacity = outputs.need_opacity().then(|| take(1));
         let seen = opacity.as_ref().map(|o| {
             let nothing = detached(o).lower_elem(1e-12);
             (o.clone().mask_fill(nothing.clone(), 1.0), nothing)
         });
-        let per_opacity = |t: Tensor<3>| match &seen {
+        let per_opacity = |t: Tensor<2>| match &seen {
             Some((opacity, nothing)) => {
                 let shape = t.dims();
                 (t / opacity.clone()).mask_fill(nothing.clone().expand(shape), 0.0)
@@ -251,7 +251,7 @@ impl Means {
         let normals = outputs.normals.then(|| color(per_opacity(take(3))));
         let albedo = (outputs.albedo).then(|| detached(&color(take(3))));
         let object_ids = outputs.object_ids.then(|| {
-            let index = take(self.objects + 1).inner().argmax(2);
+            let index = take(self.objects + 1).inner().argmax(1);
             let background = index.clone().equal_elem(self.objects as i64);
             index
                 .mask_fill(background, -1)

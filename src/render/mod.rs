@@ -222,7 +222,7 @@ pub(crate) fn means(
 
 /// Attaches the images to all tracked tensors if they are not tracked yet. Tensors without influence then have a
 /// gradient of 0 rather than none, which a fit may encounter.
-fn with_gradient(mean: Tensor<3>, batch: &Batch) -> Tensor<3> {
+fn with_gradient(mean: Tensor<2>, batch: &Batch) -> Tensor<2> {
     if mean.is_tracked() {
         return mean;
     }
@@ -238,7 +238,7 @@ fn with_gradient(mean: Tensor<3>, batch: &Batch) -> Tensor<3> {
     }
     let dtype = mean.dtype();
     match collected.tracked_zero() {
-        Some(nothing) => mean + nothing.cast(dtype).reshape([1, 1, 1]),
+        Some(nothing) => mean + nothing.cast(dtype).reshape([1, 1]),
         None => mean,
     }
 }

@@ -1,18 +1,22 @@
 //! Faults are errors with a sentence: no panic, and no wait without an end.
 
 use std::net::TcpListener;
+use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
 use burn::backend::Flex;
+use burn::optim::AdamConfig;
 use burn::server::{RemoteServer, WebSocketTransport};
 use burn::tensor::{DType, TensorData};
 use softray::burn;
+use softray::optim::{Evaluation, Fit, Part, Report, Step};
 use softray::prelude::*;
 use softray::remote::{connect, finish, set_time_limit};
 
-use crate::common::process::alone;
+use crate::common::process::{again, alone};
 use crate::server::{Server, TOKEN};
+use crate::training::Offsets;
 
 /// A ball on a device, with tracked vertices.
 fn ball(device: &Device) -> (Tensor<2>, Scene, Camera) {
@@ -57,7 +61,7 @@ fn a_server_that_is_not_there_is_an_error() {
         .expect("it");
     says(
         connect(&format!("ws://{port}"), ""),
-        &["reached", "running"],
+        &["reached", "where it listens"],
     );
     assert!(begin.elapsed() < Duration::from_secs(60));
 }
@@ -205,6 +209,59 @@ fn a_server_that_dies_in_a_step_is_an_error() {
         &["ws://", "checkpoint"],
     );
     drop(again);
+}
+
+/// Ends the server in the fourth step of a fit. A new process with a new server ends as one that nobody stopped.
+#[test]
+fn a_fit_resumes_in_a_new_process() {
+    const PHASE: &str = "SOFTRAY_PHASE";
+    let folder = |id: u32| std::env::temp_dir().join(format!("softray-resume-{id}"));
+    let fit = |folder: &Path| {
+        let fit = Fit::new(Offsets::new(&Device::flex()), AdamConfig::new().init(), 8);
+        fit.with_progress(false).with_checkpoints(folder, 1)
+    };
+    let loss = |module: &Offsets, _: &Step, part: &Part| {
+        Ok(Evaluation::new(module.loss(&[0.0, 90.0], &part.device)?))
+    };
+    match std::env::var(PHASE) {
+        Err(_) => {
+            let own = folder(std::process::id());
+            for phase in ["stop", "resume"] {
+                let mut process = again(a_fit_resumes_in_a_new_process);
+                let process = process.env(PHASE, format!("{phase} {}", std::process::id()));
+                assert!(process.status().expect("a process").success(), "{phase}");
+            }
+            std::fs::remove_dir_all(own).expect("a folder");
+        }
+        Ok(phase) => {
+            let (phase, id) = phase.split_once(' ').expect("a phase");
+            let folder = folder(id.parse().expect("a number"));
+            let server = Server::start();
+            let device = server.device();
+            if phase == "stop" {
+                let id = server.child.id().to_string();
+                let stopped = fit(&folder).on_step(1, move |report: &Report<Offsets>| {
+                    if report.step.index == 3 {
+                        Command::new("kill")
+                            .args(["-KILL", &id])
+                            .status()
+                            .expect("kill");
+                    }
+                    Ok(true)
+                });
+                says(stopped.run_over(&[device], loss), &["ws://", "checkpoint"]);
+                return;
+            }
+            let resumed = fit(&folder).run_over(&[device], loss).expect("a fit");
+            assert!(resumed.resumed >= Some(3), "{:?}", resumed.resumed);
+            let whole = Fit::new(Offsets::new(&Device::flex()), AdamConfig::new().init(), 8);
+            let whole = whole
+                .with_progress(false)
+                .run_over(&[Device::flex()], loss)
+                .expect("a fit");
+            assert_eq!(resumed.module.values(), whole.module.values());
+        }
+    }
 }
 
 #[test]

@@ -7,3 +7,4 @@ mod common;
 mod faults;
 mod same;
 mod server;
+mod training;

@@ -3,6 +3,7 @@
 
 mod check;
 mod checkpoint;
+mod devices;
 mod history;
 mod pictures;
 mod progress;
@@ -19,6 +20,7 @@ use burn::optim::ModuleOptimizer;
 
 use super::schedule::Blur;
 use crate::error::Result;
+pub use devices::Part;
 pub use history::{History, Row};
 use pictures::Pictures;
 pub use rate::Rate;

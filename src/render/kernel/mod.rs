@@ -123,7 +123,7 @@ pub(super) fn render(
         mean = attach(parent, mean, derivative);
     }
     Ok(Means {
-        mean: mean.reshape([statistics.len(), count, rows.count()]),
+        mean,
         objects,
         statistics,
         diagnostics,

@@ -21,7 +21,6 @@ use crate::render::batch::Batch;
 use crate::render::film::Means;
 use crate::render::node::{Derivative, attach};
 use crate::render::options::RenderOptions;
-use crate::scene::check_devices;
 
 /// The output of an operation.
 type Output = (Shape, DType);
@@ -137,7 +136,7 @@ pub(in crate::render) fn render(
     pixels: Option<Arc<Vec<u32>>>,
     channels: impl Fn(usize) -> usize,
 ) -> Result<Means> {
-    let Context { device: on, dtype } = check_devices(&batch.scenes[0])?;
+    let Context { device: on, dtype } = batch.context()?;
     let device = crate::device::remote::remote(&on)
         .ok_or_else(|| Error::device(crate::device::label(&on), "it is not of a server"))?;
     check(&device, &on)?;
@@ -166,11 +165,15 @@ pub(in crate::render) fn render(
         let derivative = move |upstream: FloatTensor<Remote>, size: usize| {
             gradient(&device, &inputs, upstream, (Shape::from([size]), dtype))
         };
-        let parent = Tensor::cat(tracked, 0);
+        // One operation less to send if there is one tensor.
+        let parent = match &tracked[..] {
+            [one] => one.clone(),
+            _ => Tensor::cat(tracked, 0),
+        };
         mean = attach(parent, mean, Derivative::Remote(Box::new(derivative)));
     }
     Ok(Means {
-        mean: mean.reshape([views, count, channels]),
+        mean,
         objects,
         statistics: counts.statistics,
         diagnostics: counts.diagnostics,
