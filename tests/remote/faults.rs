@@ -218,7 +218,9 @@ fn a_fit_resumes_in_a_new_process() {
     let folder = |id: u32| std::env::temp_dir().join(format!("softray-resume-{id}"));
     let fit = |folder: &Path| {
         let fit = Fit::new(Offsets::new(&Device::flex()), AdamConfig::new().init(), 8);
-        fit.with_progress(false).with_checkpoints(folder, 1)
+        fit.with_progress(false)
+            .with_folder(folder)
+            .with_checkpoint_every(1)
     };
     let loss = |module: &Offsets, _: &Step, part: &Part| {
         Ok(Evaluation::new(module.loss(&[0.0, 90.0], &part.device)?))
