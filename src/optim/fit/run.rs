@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::time::Instant;
 
 use burn::module::Module;
 use burn::optim::GradientsParams;
+use web_time::Instant;
 
 use super::check::{clip, loss_of_step, no_gradient, not_finite};
 use super::checkpoint::Checkpoints;
