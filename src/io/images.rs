@@ -204,8 +204,15 @@ impl HostImage {
         Ok(())
     }
 
-    /// Returns the values as sRGB bytes, clipped to [0, 1].
-    pub(super) fn to_srgb(&self) -> Vec<u8> {
+    /// Returns the values as sRGB bytes, clipped to [0, 1], as a PNG has them.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let gray = HostImage::new(1, 1, vec![0.2140, 1.0, 7.0])?;
+    /// assert_eq!(gray.to_srgb(), [127, 255, 255]);
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    pub fn to_srgb(&self) -> Vec<u8> {
         self.pixels.iter().map(|&v| srgb_byte(v)).collect()
     }
 

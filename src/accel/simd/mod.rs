@@ -3,6 +3,7 @@
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod float8;
+#[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
 mod plain;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
 mod simd128;
@@ -10,6 +11,7 @@ mod simd128;
 use pulp::Arch;
 
 pub(crate) use float8::{F8, LANES, Lanes, Machine, Mask8};
+#[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
 pub(crate) use plain::Plain;
 
 /// Work that is compiled for the machine's instructions. It is not a closure, because a closure that only borrows
