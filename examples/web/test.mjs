@@ -71,7 +71,10 @@ function triangle() {
 // The colors of a canvas: the mean of each channel, and how many colors there are.
 const colors = (page, id) =>
   page.locator(id).evaluate((canvas) => {
-    const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+    const copy = Object.assign(document.createElement('canvas'), { width: canvas.width, height: canvas.height });
+    const context = copy.getContext('2d', { willReadFrequently: true });
+    context.drawImage(canvas, 0, 0);
+    const { data } = context.getImageData(0, 0, copy.width, copy.height);
     const all = new Set();
     const mean = [0, 0, 0];
     for (let i = 0; i < data.length; i += 4) {

@@ -76,6 +76,7 @@ function signed(values, scale) {
 }
 
 let derivatives = [];
+let fine;
 function paintDerivatives(size) {
   const component = state.by === 'camera' ? 0 : Number(state.by);
   const values = Array.from({ length: size[0] * size[1] }, (_, i) => derivatives[i]?.[component] ?? 0);
@@ -133,8 +134,8 @@ function paintLoss() {
   context.clearRect(0, 0, width, height);
   // Means over some steps: the loss of a step is noisy, and may be below 0.
   const smooth = state.losses.map((_, i, all) => {
-    const near = all.slice(Math.max(0, i - 4), i + 1);
-    return Math.log10(Math.max(1e-7, near.reduce((a, b) => a + b) / near.length));
+    const near = all.slice(Math.max(0, i - 11), i + 1);
+    return Math.log10(Math.max(1e-6, near.reduce((a, b) => a + b) / near.length));
   });
   if (smooth.length < 2) return;
   const [low, high] = [Math.min(...smooth), Math.max(...smooth) + 0.1];
@@ -239,7 +240,7 @@ const show = {
       sendRoom('room', false);
     } else if (index % 4 === 0 && !following) {
       following = true;
-      sendRoom('follow', true);
+      sendRoom('follow');
     }
   },
   derivatives({ size, part, values, left }) {
@@ -252,6 +253,7 @@ const show = {
         for (let dx = 0; dx < side && x + dx < size[0]; dx++) derivatives[(y + dy) * size[0] + x + dx] = value;
       }
     });
+    fine = size;
     $('derivative').dataset.left = left;
     paintDerivatives(size);
   },
@@ -305,6 +307,7 @@ function find() {
   $('fit').textContent = 'Stop';
   delete $('state').dataset.distance;
   $('failure').hidden = true;
+  derivatives = [];
   send({ kind: 'search', start: state.place, target: state.target });
 }
 
@@ -332,27 +335,35 @@ $('other').onclick = () => {
 
 // ---- dragging ----
 
-// Calls a function with the places of a drag, each in [0, 1]² of the element, and whether it goes on.
-function onDrag(element, begin, move) {
+// Calls a function with the places of a drag, each in [0, 1]² of the element, and whether it goes on. Two fingers pinch
+// instead, by the ratio of their distances.
+function onDrag(element, begin, move, pinch) {
   const place = (event) => {
     const box = element.getBoundingClientRect();
     return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
   };
-  let last;
+  const fingers = new Map();
+  const apart = () => {
+    const [a, b] = [...fingers.values()];
+    return Math.hypot(a[0] - b[0], a[1] - b[1]);
+  };
   element.addEventListener('pointerdown', (event) => {
     element.setPointerCapture(event.pointerId);
-    last = place(event);
-    begin(last);
+    fingers.set(event.pointerId, place(event));
+    if (fingers.size === 1) begin(place(event));
   });
   element.addEventListener('pointermove', (event) => {
-    if (!last || !event.isPrimary) return;
-    const now = place(event);
-    move(now, [now[0] - last[0], now[1] - last[1]], true);
-    last = now;
+    const last = fingers.get(event.pointerId);
+    if (!last) return;
+    const [now, before] = [place(event), fingers.size > 1 && apart()];
+    fingers.set(event.pointerId, now);
+    if (before) pinch?.(before / Math.max(1e-3, apart()));
+    else move(now, [now[0] - last[0], now[1] - last[1]], true);
   });
-  const stop = () => {
-    if (last) move(last, [0, 0], false);
-    last = undefined;
+  const stop = (event) => {
+    const last = fingers.get(event.pointerId);
+    if (last && fingers.size === 1) move(last, [0, 0], false);
+    fingers.delete(event.pointerId);
   };
   element.addEventListener('pointerup', stop);
   element.addEventListener('pointercancel', stop);
@@ -397,21 +408,20 @@ for (const input of document.getElementsByName('by')) {
     if (other) {
       derivatives = [];
       sendRoom('room', false);
-    } else {
-      paintDerivatives([64, 48]);
+    } else if (fine) {
+      paintDerivatives(fine);
     }
   };
 }
 
-onDrag($('view'), () => {}, (_, [dx, dy], moves) => {
-  send({ kind: 'turn', right: 200 * dx, up: 140 * dy, nearer: 1, moves });
-});
 let still;
 const nearer = (factor) => {
   send({ kind: 'turn', right: 0, up: 0, nearer: factor, moves: true });
   clearTimeout(still);
   still = setTimeout(() => send({ kind: 'turn', right: 0, up: 0, nearer: 1, moves: false }), 200);
 };
+const turn = (_, [dx, dy], moves) => send({ kind: 'turn', right: 200 * dx, up: 140 * dy, nearer: 1, moves });
+onDrag($('view'), () => {}, turn, nearer);
 $('view').addEventListener('wheel', (event) => {
   event.preventDefault();
   nearer(Math.exp(clamp(event.deltaY, -200, 200) / 600));

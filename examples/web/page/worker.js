@@ -2,9 +2,9 @@
 import init, { Files, Room, Search, View, has_simd } from './softray_web.js';
 
 // Columns and rows: of images that stand still, of those that move, and of derivative images.
-const LARGE = [320, 240];
+const LARGE = [480, 360];
 const SMALL = [160, 120];
-const FINE = [64, 48];
+const FINE = [80, 60];
 const DERIVATIVE_SAMPLES = 16;
 // Milliseconds of a piece of a derivative image.
 const PIECE = 50;
@@ -13,6 +13,8 @@ let room, view, search;
 let moving = { room: false, view: false };
 let visible = { room: true, view: false };
 let done = { room: false, view: false };
+// The next pass is the first one of a new image.
+let fresh = { room: true, view: true };
 let of = { camera: false };
 // The pixels of the derivative image that are not computed yet, coarse ones first.
 let pending = [];
@@ -44,7 +46,8 @@ function coarseFirst([width, height]) {
 }
 
 function refine(which, picture) {
-  const size = moving[which] || (search && which === 'room') ? SMALL : LARGE;
+  const size = moving[which] || fresh[which] ? SMALL : LARGE;
+  fresh[which] = false;
   const [pixels] = timed('images', size[0] * size[1], () => picture.refine(...size, 1));
   if (!pixels) {
     done[which] = true;
@@ -73,12 +76,13 @@ function derive() {
   send({ kind: 'derivatives', size: FINE, part, values, left: pending.length }, values.buffer);
 }
 
-// Work that waits, each kind in its turn.
+// Work that waits, each kind in its turn. Of a fit two steps count as one piece.
 let turn = 0;
 function next() {
-  if (search) return step;
   const kinds = [
-    visible.room && !done.room && (() => refine('room', room)),
+    search && step,
+    search && step,
+    visible.room && !search && !done.room && (() => refine('room', room)),
     visible.room && !moving.room && pending.length && derive,
     visible.view && !done.view && (() => refine('view', view)),
   ];
@@ -88,20 +92,24 @@ function next() {
   }
 }
 
-function place({ place: [x, y, z], azimuth, elevation, camera, moves, keep }) {
+function place({ place: [x, y, z], azimuth, elevation, camera, moves }) {
   room.set(x, y, z, azimuth, elevation);
   moving.room = moves;
   done.room = false;
+  fresh.room = true;
   of = { camera };
-  if (!keep) pending = coarseFirst(FINE);
 }
 
 const receive = {
-  room: place,
-  // Only the picture follows the fit.
+  room(message) {
+    place(message);
+    pending = coarseFirst(FINE);
+  },
+  // Follows a fit: with one pass of the picture, and coarse derivatives.
   follow(message) {
-    place({ ...message, keep: true });
+    place({ ...message, moves: false });
     refine('room', room);
+    if (!pending.length) pending = coarseFirst(FINE).filter(([, side]) => side > 1);
   },
   search({ start, target }) {
     search?.free();
@@ -130,12 +138,14 @@ const receive = {
     view.free();
     view = opened;
     done.view = false;
+    fresh.view = true;
     send({ kind: 'opened', name, note: view.note() });
   },
   turn({ right, up, nearer, moves }) {
     view.turn(right, up, nearer);
     moving.view = moves;
     done.view = false;
+    fresh.view = true;
   },
   // For tests: an image of its own, with its time.
   measure({ size, samples, bounces }) {

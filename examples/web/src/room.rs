@@ -26,12 +26,15 @@ impl Parts {
             let [c, d] = [[side, y, -z], [-side, y, -z]];
             Object::new(shapes::quad(a, b, c, d, &device))
         };
-        let floor = square(3.5, 0.0, false).with_material(Material::diffuse([0.62, 0.6, 0.57]));
+        let floor = square(9.0, 0.0, false).with_material(Material::diffuse([0.62, 0.6, 0.57]));
         let lamp = square(0.4, 4.0, true).with_material(Material::emitter([19.0, 18.0, 16.0]));
         let fixed = Scene::new()
             .with_object(floor.with_name("floor"))
-            .with_object(lamp.with_name("lamp"));
-        let ring = shapes::torus(0.48, 0.17, 20, 10, &device).rotated([1.0, 0.0, 0.4], 24.0);
+            .with_object(lamp.with_name("lamp"))
+            .with_environment([0.02, 0.022, 0.028]);
+        let ring = shapes::torus(0.48, 0.17, 20, 10, &device)
+            .smooth_normals()
+            .rotated([1.0, 0.0, 0.4], 24.0);
         Self {
             device,
             fixed,

@@ -29,7 +29,7 @@ pub struct Search {
     optimizer: ModuleOptimizer,
     blur: BlurSchedule,
     step: usize,
-    /// The render of the last step.
+    /// The mean of the renders of the last steps.
     seen: Option<Tensor<3>>,
 }
 
@@ -46,7 +46,7 @@ impl Search {
     pub fn new(start: &[f64], target: &[f64]) -> Result<Self, JsError> {
         let parts = Parts::new();
         // It looks down at the floor, so that the ring is above the image.
-        let camera = Camera::look_at([0.0, 1.3, 3.2], [0.0, 0.0, 0.0]);
+        let camera = Camera::look_at([0.0, 1.3, 4.0], [0.0, 0.0, 0.0]).with_fov_y(36.0);
         let place = |at: &[f64]| Tensor::<1>::from_floats(at, &parts.device);
         let scene = parts.scene(place(target).into());
         let target = render(&scene, &camera, &options(256))?.radiance;
@@ -82,7 +82,11 @@ impl Search {
             render(&scene, &self.camera, &options)
         };
         let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-        self.seen = Some(((a.clone() + b.clone()) * 0.5).inner());
+        let both = ((a.clone() + b.clone()) * 0.5).inner();
+        self.seen = Some(match self.seen.take() {
+            Some(seen) => seen * 0.6 + both * 0.4,
+            None => both,
+        });
         let loss = loss::mse_unbiased(a, b, self.target.clone())?;
         let value = f64::from(loss.clone().into_scalar::<f32>());
         let gradients = GradientsParams::from_grads(loss.backward(), &self.caster);
@@ -108,7 +112,7 @@ impl Search {
         Ok(rgba(&HostImage::from_tensor(&self.target)?))
     }
 
-    /// Returns the image of the last step.
+    /// Returns the mean of the images of the last steps.
     pub fn seen(&self) -> Result<Vec<u8>, JsError> {
         let seen = self.seen.as_ref().unwrap_or(&self.target);
         Ok(rgba(&HostImage::from_tensor(seen)?))
