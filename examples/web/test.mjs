@@ -159,7 +159,6 @@ const tests = {
 
   async 'files are rendered, and damaged ones get a sentence'() {
     const { page, errors } = await open({ viewport: { width: 1120, height: 900 } });
-    await page.locator('#fit:not([disabled])').click();
     await page.locator('#view').scrollIntoViewIfNeeded();
     const refined = () => page.waitForFunction(() => Number(document.querySelector('#view').dataset.passes) >= 4, null, { timeout: 60_000 });
     await refined();
