@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::time::Instant;
 
 use burn::module::Module;
 use burn::optim::GradientsParams;
 use burn::tensor::Device;
+use web_time::Instant;
 
 use super::check::{clip, loss_of_step, no_gradient, not_finite};
 use super::checkpoint::Checkpoints;
