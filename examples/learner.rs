@@ -13,9 +13,10 @@ use burn::module::{Module, Param, ParamId};
 use burn::nn::{Linear, LinearConfig};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::{ExecutionError, Int, activation::tanh};
+use burn::train::SupervisedTraining;
 use burn::train::metric::{Adaptor, LossInput, LossMetric};
+use burn::train::{ExecutionStrategy, Interrupter, ItemLazy, Learner, MultiDeviceOptim};
 use burn::train::{InferenceStep, TrainOutput, TrainStep};
-use burn::train::{Interrupter, ItemLazy, Learner, SupervisedTraining};
 use clap::Parser;
 use softray::modules::Renderer;
 use softray::optim::{BlurSchedule, loss};
@@ -35,6 +36,10 @@ struct Arguments {
     /// Resume a stopped training from its newest checkpoint.
     #[arg(long)]
     resume: bool,
+    /// Device, as in BURN_DEVICE. Several devices train together, each with its share of the batches; with the feature
+    /// `remote` devices of servers too, as in `--device ws://127.0.0.1:3000 --device ws://127.0.0.1:3001`.
+    #[arg(long = "device")]
+    devices: Vec<String>,
     /// Folder for checkpoints and metrics.
     #[arg(long, default_value = "out/learner")]
     out: PathBuf,
@@ -49,12 +54,15 @@ struct Predictor {
     steps: Param<Tensor<1, Int>>,
     #[module(skip)]
     blur: BlurSchedule,
+    /// The number of devices whose gradients burn sums.
+    #[module(skip)]
+    devices: usize,
     #[module(skip)]
     errors: Errors,
 }
 
 impl Predictor {
-    fn new(steps: usize, device: &Device) -> softray::Result<Self> {
+    fn new(steps: usize, devices: usize, device: &Device) -> softray::Result<Self> {
         let vertices = shapes::icosphere(1, device).vertices.dims()[0];
         Ok(Self {
             hidden: LinearConfig::new(3 * SIZE * SIZE, 64).init(device),
@@ -62,6 +70,7 @@ impl Predictor {
             renderer: Renderer::new(options(2))?,
             steps: Param::initialized(ParamId::new(), Tensor::zeros([1], device)),
             blur: BlurSchedule::decay(4.0, 1.0, steps / 2)?,
+            devices,
             errors: Errors::default(),
         })
     }
@@ -85,7 +94,11 @@ impl TrainStep for Predictor {
         let step = self.steps.val().into_scalar::<i64>() as u64;
         let view = self.renderer.clone().with_blur(self.blur.at(step as usize));
         match view.and_then(|view| self.compare(images, &view, step)) {
-            Ok(loss) => TrainOutput::new(self, loss.backward(), Loss(loss)),
+            Ok(loss) => {
+                // The mean over all devices is a sum of their shares.
+                let share = loss.clone() * (self.devices as f64).recip();
+                TrainOutput::new(self, share.backward(), Loss(loss))
+            }
             Err(error) => {
                 let (grads, item) = (GradientsParams::new(), self.errors.stop(error));
                 TrainOutput { grads, item }
@@ -195,17 +208,21 @@ fn train(
     network: Predictor,
     images: [Vec<Tensor<3>>; 2],
     epochs: usize,
+    devices: &[Device],
     arguments: &Arguments,
 ) -> Result<Predictor, Box<dyn Error>> {
     let [seen, unseen] = images.map(|images| {
         let loader = DataLoaderBuilder::new(Stack).batch_size(BATCH);
         loader.build(InMemDataset::new(images))
     });
-    let rate = Cosine::new(1e-2, epochs * BATCHES).init()?;
+    let rate = Cosine::new(1e-2, epochs * BATCHES / devices.len()).init()?;
+    let on = devices.iter().map(|device| device.clone().autodiff());
+    let strategy = ExecutionStrategy::multi(on.collect(), MultiDeviceOptim::OptimMainDevice);
     let mut training = SupervisedTraining::new(&arguments.out, seen, unseen)
         .metrics((LossMetric::new(),))
         .with_default_checkpointers()
         .with_application_logger(None)
+        .with_training_strategy(strategy.into())
         .with_interrupter(network.errors.0.clone())
         .num_epochs(epochs);
     if let Some(epoch) = newest(&arguments.out, epochs).filter(|_| arguments.resume) {
@@ -220,10 +237,15 @@ fn train(
 
 /// Returns the mean squared difference of unseen images before and after the training.
 fn run(arguments: &Arguments) -> Result<[f32; 2], Box<dyn Error>> {
-    let device = softray::device::named(None)?;
+    let names = arguments.devices.iter().map(|name| Some(name.as_str()));
+    let names = names.chain(arguments.devices.is_empty().then_some(None));
+    let devices = names.map(softray::device::named);
+    let devices = devices.collect::<softray::Result<Vec<Device>>>()?;
+    let device = devices[0].clone();
     device.seed(1);
     let epochs = if arguments.quick { 10 } else { 60 };
-    let network = Predictor::new(epochs * BATCHES, &device.clone().autodiff())?;
+    let steps = epochs * BATCHES / devices.len();
+    let network = Predictor::new(steps, devices.len(), &device.clone().autodiff())?;
     let (seen, unseen) = (images(BATCHES * BATCH, &device)?, images(BATCH, &device)?);
     let all = Tensor::stack::<4>(unseen.clone(), 0);
     let measure = |network: &Predictor| -> softray::Result<f32> {
@@ -231,7 +253,13 @@ fn run(arguments: &Arguments) -> Result<[f32; 2], Box<dyn Error>> {
         Ok(loss.into_scalar())
     };
     let before = measure(&network.valid())?;
-    let after = measure(&train(network, [seen, unseen], epochs, arguments)?)?;
+    let after = measure(&train(
+        network,
+        [seen, unseen],
+        epochs,
+        &devices,
+        arguments,
+    )?)?;
     println!("difference of unseen images: {before:.5} before, {after:.5} after {epochs} epochs");
     Ok([before, after])
 }
@@ -249,6 +277,7 @@ mod tests {
         Arguments {
             quick: true,
             resume: false,
+            devices: Vec::new(),
             out: std::env::temp_dir().join(name),
         }
     }
@@ -257,9 +286,10 @@ mod tests {
     fn an_error_of_a_render_ends_the_training() {
         let arguments = arguments("errors");
         let device = Device::flex();
-        let network = Predictor::new(BATCHES, &device.clone().autodiff()).expect("a network");
+        let network = Predictor::new(BATCHES, 1, &device.clone().autodiff()).expect("a network");
         let broken = Tensor::full([SIZE, SIZE, 3], f32::NAN, &device);
-        let error = train(network, [vec![broken], Vec::new()], 1, &arguments).expect_err("NaN");
+        let images = [vec![broken], Vec::new()];
+        let error = train(network, images, 1, &[device], &arguments).expect_err("NaN");
         assert!(error.to_string().contains("body"), "{error}");
         assert_eq!(newest(&arguments.out, 1), None);
         std::fs::remove_dir_all(arguments.out).expect("a folder");

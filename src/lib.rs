@@ -74,6 +74,8 @@ mod lanes;
 mod model;
 pub mod modules;
 pub mod optim;
+#[cfg(feature = "remote")]
+pub mod remote;
 pub mod render;
 mod sampling;
 pub mod scene;

@@ -1,5 +1,7 @@
 //! Devices by name, so that one program can run on CPUs and GPUs.
 
+#[cfg(feature = "remote")]
+pub(crate) mod remote;
 mod work;
 
 #[cfg(feature = "wgpu")]
@@ -37,6 +39,9 @@ const BACKENDS: [(&str, bool); 7] = [
 /// kind: `wgpu:discrete`, `wgpu:integrated`, `wgpu:virtual` or `wgpu:cpu` (a software driver). A number selects one of
 /// several GPUs: `wgpu:discrete:1`, `cuda:1`. Case does not matter.
 ///
+/// With the feature `remote`, `ws://host:port` and `iroh:<id>` are devices of servers (`softray::remote::connect`); the
+/// environment variable `SOFTRAY_TOKEN` has the token.
+///
 /// The device has no autodiff. Put parameters on `device.autodiff()` and constants on the device itself.
 ///
 /// ```
@@ -61,6 +66,10 @@ pub fn named(name: Option<&str>) -> Result<Device> {
 #[allow(deprecated)] // burn deprecates ndarray, which this crate still supports
 fn parse(field: &str, name: &str) -> Result<Device> {
     let lower = name.trim().to_lowercase();
+    #[cfg(feature = "remote")]
+    if lower.starts_with("ws://") || lower.starts_with("iroh:") {
+        return remote::connect(&lower, &std::env::var(remote::TOKEN).unwrap_or_default());
+    }
     let (backend, kind) = match lower.split_once(':') {
         Some((backend, kind)) => (backend, Some(kind)),
         None => (lower.as_str(), None),
@@ -142,13 +151,17 @@ pub(crate) fn is_cpu(device: &Device) -> bool {
 /// Checks that this crate supports scenes on a device's backend.
 ///
 /// # Errors
-/// For devices of other backends, such as remote ones. The message includes a remedy.
+/// For devices of other backends, and of servers without the feature `remote`. The message includes a remedy.
 pub(crate) fn check(device: &Device) -> Result<()> {
     #[cfg(feature = "gpu")]
     if matches!(
         device.clone().inner().as_dispatch(),
         DispatchDevice::Cube(_)
     ) {
+        return Ok(());
+    }
+    #[cfg(feature = "remote")]
+    if remote::remote(device).is_some() {
         return Ok(());
     }
     match is_cpu(device) {
@@ -206,6 +219,10 @@ pub(crate) fn label(device: &Device) -> String {
             DefaultDevice => backend,
             other => format!("{backend}, {other:?}"),
         };
+    }
+    #[cfg(feature = "remote")]
+    if let Some(address) = remote::address(device) {
+        return address;
     }
     let inner = || format!("{:?}", device.clone().inner().as_dispatch());
     cpu(device).map_or_else(inner, str::to_owned)

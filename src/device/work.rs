@@ -2,9 +2,9 @@
 
 use std::ops::Sub;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
+use web_time::{Duration, Instant};
 
 use super::is_cpu;
 

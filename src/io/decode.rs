@@ -1,11 +1,12 @@
 //! Decodes images from files and buffers.
 
-use std::io::{BufRead, BufReader, Seek};
+use std::io::{BufRead, Seek};
 use std::path::Path;
 
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 
-use super::limits::{LoadLimits, open};
+use super::LoadLimits;
+use super::files::Files;
 use super::srgb::decode_srgb;
 use crate::error::{Error, Result};
 
@@ -28,8 +29,8 @@ impl Decoded {
     }
 
     /// Decodes an image file.
-    pub fn of_file(path: &Path, limits: &LoadLimits) -> Result<Self> {
-        Self::read(BufReader::new(open(path)?.0), path, limits)
+    pub fn of_file(path: &Path, files: Files) -> Result<Self> {
+        Self::read(files.open(path)?.0, path, &files)
     }
 
     /// Returns the columns and rows of an image without decoding it.

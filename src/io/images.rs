@@ -7,6 +7,7 @@ use image::{ImageBuffer, ImageFormat, Rgb, RgbImage};
 
 use super::LoadLimits;
 use super::decode::Decoded;
+use super::files::Files;
 use super::srgb::{srgb_byte, srgb_table};
 use super::whole::{check_writable, ending, folder_of, write_whole};
 use crate::debug::numbers;
@@ -107,12 +108,12 @@ impl HostImage {
     /// # Errors
     /// As [`HostImage::read`].
     pub fn read_within(path: impl AsRef<Path>, limits: &LoadLimits) -> Result<Self> {
-        Self::read_file(path.as_ref(), limits)
+        Self::read_from(path.as_ref(), Files::of_system(limits))
     }
 
     // Callers of decoders and encoders are not generic, since each program would compile generic ones again.
-    fn read_file(path: &Path, limits: &LoadLimits) -> Result<Self> {
-        let decoded = Decoded::of_file(path, limits)?;
+    pub(super) fn read_from(path: &Path, files: Files) -> Result<Self> {
+        let decoded = Decoded::of_file(path, files)?;
         let [width, height] = decoded.size();
         Self::new(width, height, decoded.colors())
     }
@@ -203,8 +204,15 @@ impl HostImage {
         Ok(())
     }
 
-    /// Returns the values as sRGB bytes, clipped to [0, 1].
-    pub(super) fn to_srgb(&self) -> Vec<u8> {
+    /// Returns the values as sRGB bytes, clipped to [0, 1], as a PNG has them.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let gray = HostImage::new(1, 1, vec![0.2140, 1.0, 7.0])?;
+    /// assert_eq!(gray.to_srgb(), [127, 255, 255]);
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    pub fn to_srgb(&self) -> Vec<u8> {
         self.pixels.iter().map(|&v| srgb_byte(v)).collect()
     }
 

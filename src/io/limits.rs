@@ -1,12 +1,11 @@
 //! Limits on the files that are loaded.
 
-use std::fs::File;
-use std::io::Read;
-use std::path::{Component, Path, PathBuf};
+use std::path::Path;
 
 use burn::tensor::Device;
 use serde::de::DeserializeOwned;
 
+use super::files::Files;
 use crate::error::{Error, Result};
 
 /// Limits on the size of loaded files, and on the files that they may refer to.
@@ -19,11 +18,11 @@ use crate::error::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LoadLimits {
     pub(super) pixels: u64,
-    text_bytes: u64,
+    pub(super) text_bytes: u64,
     pub(super) triangles: u64,
     pub(super) corners: u64,
     memory: Option<u64>,
-    outside: bool,
+    pub(super) outside: bool,
     pub(super) strict: bool,
 }
 
@@ -38,11 +37,11 @@ pub(super) const TEXEL: u64 = 4;
 const MIN_MEMORY: u64 = 3 << 28;
 const PER_BYTE: u64 = 64;
 
-/// A file that is read, its limits, and the device of its tensors.
+/// A file that is read, where it and the files that it refers to are, and the device of its tensors.
 #[derive(Clone, Copy)]
 pub(super) struct Place<'a> {
     pub path: &'a Path,
-    pub limits: &'a LoadLimits,
+    pub files: Files<'a>,
     pub device: &'a Device,
 }
 
@@ -141,15 +140,6 @@ impl LoadLimits {
         Self { outside, ..self }
     }
 
-    /// Returns the path of a file that the file `path` refers to. It must lie in the folder of `path` or below,
-    /// unless files outside are allowed.
-    pub(super) fn beside(&self, path: &Path, name: &str) -> Result<PathBuf> {
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let file = folder.join(name);
-        self.check_place(&file, folder, &path.display().to_string())?;
-        Ok(file)
-    }
-
     /// Checks a number of triangles. The message is for an error of the file.
     pub(super) fn check_triangles(&self, count: u64) -> std::result::Result<(), String> {
         let most = self.triangles;
@@ -160,136 +150,6 @@ impl LoadLimits {
             )),
         }
     }
-
-    /// Checks that a file lies in a folder or below it, unless files outside are allowed.
-    pub(crate) fn check_place(&self, file: &Path, folder: &Path, named_by: &str) -> Result<()> {
-        if self.outside {
-            return Ok(());
-        }
-        // An empty folder is the current one. Missing files are reported when they are read.
-        let Ok(real) = folder.join(".").canonicalize() else {
-            return Ok(());
-        };
-        let place = match self.may_look_at(file, folder) {
-            true => match file.canonicalize() {
-                Ok(place) if !place.starts_with(&real) => place,
-                _ => return Ok(()),
-            },
-            false => file.into(),
-        };
-        let folder = real.display();
-        let message = format!(
-            "it is named by {named_by} but lies outside of {folder}: it is read only with \
-             LoadLimits::with_outside(true)"
-        );
-        Err(Error::format(place, message))
-    }
-
-    /// Returns whether a path names a file in a folder or below it, or files outside are allowed. Only then may the file
-    /// system be asked about it: a look at other paths may connect to another machine (`\\machine\share`), mount a
-    /// file system or open a device.
-    pub(super) fn may_look_at(&self, file: &Path, folder: &Path) -> bool {
-        let lies_in = |folder: Option<PathBuf>| {
-            let (file, folder) = (absolute(file), folder.as_deref().and_then(absolute));
-            file.zip(folder)
-                .is_some_and(|(f, folder)| f.starts_with(folder))
-        };
-        let folder = folder.join(".");
-        self.outside || lies_in(Some(folder.clone())) || lies_in(folder.canonicalize().ok())
-    }
-}
-
-/// Returns an absolute path without `.` and `..`, judged by names alone. On Windows, paths that the file system returned
-/// and paths in files then have the same prefix.
-fn absolute(path: &Path) -> Option<PathBuf> {
-    let mut whole = std::path::absolute(path).ok()?;
-    if cfg!(windows) {
-        whole = match whole.to_str() {
-            Some(text) => without_verbatim(text).into(),
-            None => whole,
-        };
-    }
-    let mut plain = PathBuf::new();
-    for part in whole.components() {
-        match part {
-            Component::CurDir => {}
-            Component::ParentDir => drop(plain.pop()),
-            part => plain.push(part),
-        }
-    }
-    Some(plain)
-}
-
-/// Returns a Windows path without the verbatim prefix that `canonicalize` gives it: `D:\x` for `\\?\D:\x`, and
-/// `\\machine\share` for `\\?\UNC\machine\share`. Other paths stay.
-fn without_verbatim(path: &str) -> String {
-    let Some(rest) = path.strip_prefix(r"\\?\") else {
-        return path.to_owned();
-    };
-    if let Some(share) = rest.strip_prefix(r"UNC\") {
-        return format!(r"\\{share}");
-    }
-    match rest.as_bytes() {
-        [letter, b':', ..] if letter.is_ascii_alphabetic() => rest.to_owned(),
-        _ => path.to_owned(),
-    }
-}
-
-/// Opens a regular file, and returns it with its length in bytes.
-pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
-    let io = Error::io(path);
-    // Read before the file is opened: opening a pipe waits for its other end.
-    let metadata = std::fs::metadata(path).map_err(io)?;
-    if !metadata.is_file() {
-        let kind = match metadata.is_dir() {
-            true => "a folder",
-            false => "a device or a pipe",
-        };
-        let message = format!("it is {kind}, expected a regular file");
-        return Err(Error::format(path, message));
-    }
-    Ok((File::open(path).map_err(io)?, metadata.len()))
-}
-
-/// Reads a file within the size limit of text files.
-pub(crate) fn read_bytes(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>> {
-    let most = limits.text_bytes;
-    let (file, length) = open(path)?;
-    let mut bytes = Vec::new();
-    if length <= most {
-        // The file may contain more than its reported length.
-        let read = file.take(most.saturating_add(1)).read_to_end(&mut bytes);
-        read.map_err(Error::io(path))?;
-    }
-    if length.max(bytes.len() as u64) > most {
-        let message = format!(
-            "it has more than {most} bytes, the limit: LoadLimits::with_text_bytes raises it"
-        );
-        return Err(Error::format(path, message));
-    }
-    Ok(bytes)
-}
-
-/// Reads a text file without its byte-order mark. Bytes that are not UTF-8 (in comments of old exporters) are
-/// replaced.
-pub(crate) fn read_text(path: &Path, limits: &LoadLimits) -> Result<String> {
-    let bytes = read_bytes(path, limits)?;
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        let message = "it is UTF-16, expected UTF-8: save it as that";
-        return Err(Error::format(path, message));
-    }
-    let mut text = match String::from_utf8(bytes) {
-        Ok(text) => text,
-        Err(e) => String::from_utf8_lossy(e.as_bytes()).into_owned(),
-    };
-    if text.starts_with('\u{feff}') {
-        text.drain(..3);
-    }
-    if text.contains('\r') && !text.contains('\n') {
-        let message = "its lines end with a carriage return alone, expected line feeds";
-        return Err(Error::format(path, message));
-    }
-    Ok(text)
 }
 
 /// Parses JSON. Error messages contain the path of the field.
@@ -305,25 +165,4 @@ pub(super) fn parse_json<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Resu
     })?;
     json.end().map_err(|e| Error::format(path, e.to_string()))?;
     Ok(parsed)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn verbatim_prefixes_are_removed() {
-        for (path, expected) in [
-            (r"\\?\D:\scenes\a.obj", r"D:\scenes\a.obj"),
-            (r"\\?\UNC\machine\share\a.obj", r"\\machine\share\a.obj"),
-            (r"D:\scenes", r"D:\scenes"),
-            (r"\\machine\share", r"\\machine\share"),
-            // Devices and volumes have no other name.
-            (r"\\.\pipe\a", r"\\.\pipe\a"),
-            (r"\\?\Volume{0}\a", r"\\?\Volume{0}\a"),
-            ("/scenes/a.obj", "/scenes/a.obj"),
-        ] {
-            assert_eq!(without_verbatim(path), expected);
-        }
-    }
 }

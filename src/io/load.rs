@@ -5,9 +5,10 @@ use std::path::Path;
 use burn::tensor::Device;
 
 use super::description::NamedCamera;
+use super::files::Files;
 use super::limits::Place;
 use super::whole::ending;
-use super::{LoadLimits, build, gltf, obj, ply};
+use super::{build, gltf, obj, ply};
 use crate::error::Result;
 use crate::scene::Scene;
 
@@ -18,16 +19,16 @@ pub(super) const SCENES: [&str; 4] = ["obj", "gltf", "glb", "ply"];
 pub(super) fn load(
     path: &Path,
     device: &Device,
-    limits: &LoadLimits,
+    files: Files,
 ) -> Result<(Scene, Vec<NamedCamera>)> {
     let description = match ending(path, &SCENES)? {
-        "obj" => obj::read(path, limits)?,
-        "ply" => ply::read(path, limits)?,
-        _ => gltf::read(path, limits)?,
+        "obj" => obj::read(path, files)?,
+        "ply" => ply::read(path, files)?,
+        _ => gltf::read(path, files)?,
     };
     let place = Place {
         path,
-        limits,
+        files,
         device,
     };
     let scene = build::scene(&description, place)?;

@@ -1,11 +1,12 @@
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use super::limits::{Place, parse_json, read_text};
+use super::files::{Files, MemoryFiles};
+use super::limits::{Place, parse_json};
 use super::load::{SCENES, load};
 use super::scene_materials::MaterialDocument;
 use super::whole::ending;
@@ -72,7 +73,7 @@ const ROWS: usize = 256;
 const MAX_COLUMNS: f64 = 4096.0;
 
 /// Returns whether a file is JSON. An extension that is not supported is an error.
-fn is_json(path: &Path) -> Result<bool> {
+pub(super) fn is_json(path: &Path) -> Result<bool> {
     let known = [&SCENES[..], &["json"]].concat();
     Ok(ending(path, &known)? == "json")
 }
@@ -158,59 +159,6 @@ fn y_axis() -> [f64; 3] {
     [0.0, 1.0, 0.0]
 }
 
-impl Scene {
-    /// Reads a scene from a file. The extension selects the format.
-    ///
-    /// - `.obj`, with its MTL files. Every `o` or `g` becomes an [`Object`](crate::scene::Object) with a material per
-    ///   face. Pieces with the same name form one object. Vertices that faces share in the file stay shared. If a
-    ///   vertex has a fourth number w, its x, y and z are divided by w. Vertex colors (`v x y z r g b`) are sRGB, and
-    ///   bytes if any color value of the file is above 1. Vertices without a color are white. An object has normals
-    ///   or
-    ///   texture coordinates only if they are given at every corner.
-    ///
-    ///   Materials use `Kd`, `Ks`, `Ns`, `Ke` (radiance of the front side), `illum`, `map_Kd`, `map_Ks` (times `Ks`),
-    ///   `map_Ke` (times `Ke`), and the texture option `-clamp on`. On objects with texture coordinates, `map_Kd`
-    ///   replaces `Kd`. `Ks` is 0 if `Ns` is 0 or `illum` is 0 or 1. Without `illum`, `Ks` is used; without `Ns`, the
-    ///   exponent is 1. If `Kd` + `Ks` is above 1 (with textures: at any texel), `Ks` is scaled down. Surfaces
-    ///   without `Kd` or material are mid-gray like [`Material::default`](crate::scene::Material::default), or white
-    ///   if the file has vertex colors. Missing or malformed materials and textures are left out, unless limits are
-    ///   [strict](LoadLimits::with_strict).
-    /// - `.gltf`, `.glb`: every node with a mesh becomes an object in world space, with a material per face. Every
-    ///   node with a light (KHR_lights_punctual) becomes a light; candela and lux count as radiant intensity and
-    ///   irradiance. glTF splits vertices at seams of normals or texture coordinates; vertices at the same position
-    ///   are joined again. Buffers and images may be in the file or beside it.
-    /// - `.ply`: one object, named like the file, with vertex colors and the texture of a `TextureFile` comment.
-    /// - `.json`: see [`SceneFile`].
-    ///
-    /// Polygons become triangle fans if these fill them; other polygons are split by ear clipping. Colors are sRGB in
-    /// images (except EXR and HDR), in unsigned 8- and 16-bit values of PLY, and at OBJ vertices, and linear
-    /// elsewhere.
-    /// A warning per file lists content that would change the picture and is not rendered.
-    ///
-    /// # Errors
-    /// If a file is missing, malformed, too large, or outside the scene's folder ([`LoadLimits`]), or if there is no
-    /// face. The message contains the place of the error in the file.
-    pub fn load(path: impl AsRef<Path>, device: &Device) -> Result<Self> {
-        Self::load_within(path, device, &LoadLimits::default())
-    }
-
-    /// Reads a scene like [`Scene::load`], with the given limits.
-    ///
-    /// # Errors
-    /// As [`Scene::load`].
-    pub fn load_within(
-        path: impl AsRef<Path>,
-        device: &Device,
-        limits: &LoadLimits,
-    ) -> Result<Self> {
-        let path = path.as_ref();
-        match is_json(path)? {
-            true => Ok(SceneFile::from_json(path, device, limits)?.scene),
-            false => Ok(load(path, device, limits)?.0),
-        }
-    }
-}
-
 impl SceneFile {
     /// Reads a scene with its camera from a file; see [`SceneFile`] and [`Scene::load`].
     ///
@@ -230,11 +178,28 @@ impl SceneFile {
         device: &Device,
         limits: &LoadLimits,
     ) -> Result<Self> {
-        let path = path.as_ref();
+        Self::load_from(path.as_ref(), device, Files::of_system(limits))
+    }
+
+    /// Reads a scene with its camera from files in memory; see [`Scene::from_bytes`] and [`SceneFile::load`].
+    ///
+    /// # Errors
+    /// As [`SceneFile::load`], and if two files have the same name.
+    pub fn from_bytes<N: Into<PathBuf>, B: Into<Vec<u8>>>(
+        path: impl AsRef<Path>,
+        files: impl IntoIterator<Item = (N, B)>,
+        device: &Device,
+        limits: &LoadLimits,
+    ) -> Result<Self> {
+        let files = MemoryFiles::new(files)?;
+        Self::load_from(path.as_ref(), device, Files::in_memory(&files, limits))
+    }
+
+    fn load_from(path: &Path, device: &Device, files: Files) -> Result<Self> {
         if is_json(path)? {
-            return Self::from_json(path, device, limits);
+            return Self::from_json(path, device, files);
         }
-        let (scene, cameras) = load(path, device, limits)?;
+        let (scene, cameras) = load(path, device, files)?;
         let (camera, aspect) = match cameras.first() {
             Some((_, camera, aspect)) => (camera.clone(), aspect.unwrap_or(1.0)),
             None => (Camera::framing(&scene, [0.4, 0.4, 1.0])?, 1.0),
@@ -249,8 +214,8 @@ impl SceneFile {
         })
     }
 
-    fn from_json(path: &Path, device: &Device, limits: &LoadLimits) -> Result<Self> {
-        let document: Document = parse_json(path, read_text(path, limits)?.as_bytes())?;
+    pub(super) fn from_json(path: &Path, device: &Device, files: Files) -> Result<Self> {
+        let document: Document = parse_json(path, files.read_text(path)?.as_bytes())?;
         let unknown = document.unknown();
         if !unknown.is_empty() {
             let (file, list) = (path.display(), unknown.join(", "));
@@ -263,9 +228,9 @@ impl SceneFile {
                 return Err(Error::format(path, message));
             }
         }
-        let file = limits.beside(path, &document.scene)?;
+        let file = files.beside(path, &document.scene)?;
         let named_by = path.display().to_string();
-        let (mut scene, _) = load(&file, device, limits).map_err(|e| match &e {
+        let (mut scene, _) = load(&file, device, files).map_err(|e| match &e {
             Error::Io { path, .. } if *path == file => e.named_by(&named_by),
             _ => e,
         })?;
@@ -273,8 +238,8 @@ impl SceneFile {
             let constant = serde_json::from_value::<[f64; 3]>(value.clone()).ok();
             scene = match (value.as_str(), constant) {
                 (Some(file), _) => {
-                    let file = limits.beside(path, file)?;
-                    let map = HostImage::read_within(file, limits);
+                    let file = files.beside(path, file)?;
+                    let map = HostImage::read_from(&file, files);
                     let map = map.map_err(|e| e.named_by(&named_by))?;
                     scene.with_environment(Environment::map(map.into_tensor(device)))
                 }
@@ -304,7 +269,7 @@ impl SceneFile {
         }
         let place = Place {
             path,
-            limits,
+            files,
             device,
         };
         for (name, material) in document.materials {

@@ -42,7 +42,7 @@ fn ones() -> [f64; 3] {
 impl Place<'_> {
     /// Resolves the file of an image and decodes it with `read`.
     fn image<T>(&self, name: &str, read: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
-        let path = self.limits.beside(self.path, name)?;
+        let path = self.files.beside(self.path, name)?;
         read(&path).map_err(|e| e.named_by(&self.path.display().to_string()))
     }
 
@@ -55,7 +55,7 @@ impl Place<'_> {
         match value {
             None => Ok([1.0; 3].into()),
             Some(Value::String(name)) => self.image(&name, |path| {
-                let image = HostImage::read_within(path, self.limits)?;
+                let image = HostImage::read_from(path, self.files)?;
                 Ok(ColorTexture::texture(image.into_tensor(self.device)))
             }),
             Some(value) => match serde_json::from_value::<[f64; 3]>(value.clone()) {
@@ -76,7 +76,7 @@ impl Place<'_> {
         match value {
             None => Ok(default.into()),
             Some(Value::String(name)) => self.image(&name, |path| {
-                let image = Decoded::of_file(path, self.limits)?;
+                let image = Decoded::of_file(path, self.files)?;
                 let [width, height] = image.size();
                 let data = TensorData::new(image.channel(channel), [height, width]);
                 Ok(ScalarTexture::texture(Tensor::from_data(data, self.device)))

@@ -2,14 +2,14 @@
 //! decoded last is kept, so that several textures of one image share the decoding.
 
 use std::collections::{HashMap, HashSet};
-use std::io::{BufReader, Cursor};
+use std::io::Cursor;
 use std::path::Path;
 
 use burn::tensor::{Tensor, TensorData};
 
 use super::decode::{Decoded, check_size};
 use super::description::{Description, ImageSource, TextureUse};
-use super::limits::{Memory, Place, TEXEL, open};
+use super::limits::{Memory, Place, TEXEL};
 use crate::error::{Error, Result};
 
 /// The part of an image that a texture uses.
@@ -115,7 +115,7 @@ impl<'a> Textures<'a> {
         match read {
             Ok(read) => Ok(Some(read)),
             Err(error) => {
-                self.description.notes.fault(error, self.place.limits)?;
+                self.description.notes.fault(error, &self.place.files)?;
                 Ok(None)
             }
         }
@@ -126,15 +126,15 @@ impl<'a> Textures<'a> {
         let source = &self.description.images[image];
         let size = match source {
             ImageSource::File { path, named_by } => {
-                let read = open(path).and_then(|(file, bytes)| {
+                let read = self.place.files.open(path).and_then(|(file, bytes)| {
                     self.memory.read = self.memory.read.saturating_add(bytes);
-                    Decoded::read_size(BufReader::new(file), path)
+                    Decoded::read_size(file, path)
                 });
                 read.map_err(|e| e.named_by(named_by))
             }
             ImageSource::Bytes { name, bytes } => Decoded::read_size(Cursor::new(bytes), name),
         }?;
-        check_size(size, name(source), self.place.limits)?;
+        check_size(size, name(source), &self.place.files)?;
         Ok(size)
     }
 
@@ -214,7 +214,7 @@ impl<'a> Textures<'a> {
         // Kernels store three numbers per texel.
         let size = self.sizes.get(&image).copied().flatten().unwrap_or([0; 2]);
         let pixels = size.map(|side| side as u64).into_iter().product();
-        let taken = self.memory.take(pixels, 3 * TEXEL, self.place.limits);
+        let taken = self.memory.take(pixels, 3 * TEXEL, &self.place.files);
         let name = name(&self.description.images[image]).display();
         taken.map_err(|m| Error::format(self.place.path, format!("the image {name} {m}")))
     }
@@ -231,11 +231,11 @@ impl<'a> Textures<'a> {
     fn read(&self, image: usize) -> Result<Decoded> {
         match &self.description.images[image] {
             ImageSource::File { path, named_by } => {
-                let decoded = Decoded::of_file(path, self.place.limits);
+                let decoded = Decoded::of_file(path, self.place.files);
                 decoded.map_err(|e| e.named_by(named_by))
             }
             ImageSource::Bytes { name, bytes } => {
-                Decoded::read(Cursor::new(bytes), name, self.place.limits)
+                Decoded::read(Cursor::new(bytes), name, &self.place.files)
             }
         }
     }

@@ -16,7 +16,7 @@ mod schedule;
 
 #[cfg(feature = "fit")]
 pub use fit::{
-    Evaluation, Fit, Fitted, History, LeastSquares, Rate, Report, Residual, Row, Step, Stop,
+    Evaluation, Fit, Fitted, History, LeastSquares, Part, Rate, Report, Residual, Row, Step, Stop,
     Warning,
 };
 #[cfg(feature = "fit")]

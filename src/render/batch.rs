@@ -4,9 +4,10 @@ use std::borrow::Cow;
 
 use burn::tensor::Tensor;
 
+use crate::device::label;
 use crate::error::{Error, Result, one_of};
-use crate::geometry::detached;
-use crate::scene::{Camera, Object, Scene};
+use crate::geometry::{Context, detached};
+use crate::scene::{Camera, Object, Scene, check_devices};
 
 /// Scenes and the views to render of them.
 ///
@@ -133,6 +134,13 @@ impl Batch {
         self.views.is_empty()
     }
 
+    /// Whether the first mesh is on a device of a server, where the others must be too.
+    #[cfg(feature = "remote")]
+    pub(super) fn is_remote(&self) -> bool {
+        let object = self.scenes.first().and_then(|scene| scene.objects.first());
+        object.is_some_and(|o| crate::device::remote::remote(&o.mesh.vertices.device()).is_some())
+    }
+
     /// Returns the batch, with tangents added to meshes that have a normal map and no tangents.
     pub(super) fn with_tangents(&self) -> Cow<'_, Self> {
         let mut all = Cow::Borrowed(self);
@@ -159,6 +167,35 @@ impl Batch {
             named.for_each(|o| o.mesh.vertices = vertices.clone());
         }
         scenes
+    }
+
+    /// Checks that all tensors of scenes and cameras are of one device and float type, and returns these.
+    pub(super) fn context(&self) -> Result<Context> {
+        // The first scene's vertices have the device and shape of all.
+        let scenes = self.scenes_with(|vertices| {
+            let [_, count, _] = vertices.dims();
+            detached(vertices).slice([0..1]).reshape([count, 3])
+        });
+        let of_scene = |(index, scene): (usize, &Scene)| {
+            check_devices(scene).map_err(in_batch("scene", index))
+        };
+        let contexts = scenes.iter().enumerate().map(of_scene);
+        let contexts = contexts.collect::<Result<Vec<_>>>()?;
+        let context = &contexts[0];
+        for (index, other) in contexts.iter().enumerate() {
+            let same = other.device == context.device && other.dtype == context.dtype;
+            if !same {
+                let name = |c: &Context| format!("{:?} on {}", c.dtype, label(&c.device));
+                let expected = format!("{} like the first scene's", name(context));
+                let error = Error::invalid("scene", "tensors", name(other), expected);
+                return Err(in_batch("scene", index)(error));
+            }
+        }
+        for (index, (_, camera)) in self.views.iter().enumerate() {
+            let checked = camera.check_device(context);
+            checked.map_err(in_batch("view", index))?;
+        }
+        Ok(context.clone())
     }
 
     /// Returns a scene with the batch's vertices, tracked or detached.

@@ -17,6 +17,8 @@ use crate::scene::Constants;
 /// render uploads everything if lists change in size, if a graph still holds the last lists, after a failed render, on
 /// another device, and from another thread.
 ///
+/// For renders on a server, the server keeps the data.
+///
 /// ```
 /// use softray::prelude::*;
 /// let (room, camera) = cornell_box(&Device::flex());
@@ -34,6 +36,9 @@ pub struct HierarchyCache {
     constants: Arc<Mutex<Constants>>,
     #[cfg(feature = "gpu")]
     pub(super) buffers: crate::gpu::LastBuffers,
+    /// Names the cache of a server that stands for this one.
+    #[cfg(feature = "remote")]
+    id: Arc<std::sync::OnceLock<u64>>,
 }
 
 /// The data of one scene for the next render.
@@ -54,6 +59,11 @@ impl HierarchyCache {
         let scenes = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
         let counts = scenes.iter().map(|scene| scene.boxes.counts());
         counts.fold([0; 2], |[a, b], [builds, fits]| [a + builds, b + fits])
+    }
+
+    #[cfg(feature = "remote")]
+    pub(super) fn id(&self) -> u64 {
+        *self.id.get_or_init(crate::device::remote::unique)
     }
 
     /// Untracked tensors that were read back.

@@ -2,6 +2,7 @@
 
 use burn::tensor::kind::Basic;
 use burn::tensor::{Int, Tensor};
+use serde::{Deserialize, Serialize};
 
 use super::outputs::Outputs;
 use crate::error::Result;
@@ -11,7 +12,7 @@ use crate::tensors::{Diagnostics, RayStatistics};
 /// The program that computed an image; see [`Engine`](super::Engine).
 ///
 /// [`Statistics`] has an example.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Program {
     /// Kernels on the host's cores.
@@ -36,7 +37,7 @@ pub enum Program {
 /// assert_eq!(image.diagnostics.expect("diagnostics").degenerate_triangles, 0);
 /// # Ok::<(), softray::Error>(())
 /// ```
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Statistics {
     /// The program that ran.
@@ -54,7 +55,7 @@ pub struct Statistics {
 /// Statistics of the number of surfaces that may contribute to a ray; 0 if all triangles are tested.
 ///
 /// [`Visibility`](super::Visibility) has an example.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct SurfacesPerRay {
     /// The mean over rays.
@@ -208,10 +209,10 @@ impl ImageBatch {
 }
 
 /// Means over the samples of all pixels of all views.
-pub(super) struct Means {
-    /// Shape `[B, P, C]`, channels in the order radiance, opacity, depth, normal, albedo, weights of objects and
+pub(crate) struct Means {
+    /// Shape `[B·P, C]`, channels in the order radiance, opacity, depth, normal, albedo, weights of objects and
     /// the background.
-    pub mean: Tensor<3>,
+    pub mean: Tensor<2>,
     /// The number of channels with weights of objects, without the background.
     pub objects: usize,
     pub statistics: Vec<Statistics>,
@@ -221,25 +222,25 @@ pub(super) struct Means {
 impl Means {
     /// Splits the channels into images of width × height pixels.
     pub fn images(self, [width, height]: [usize; 2], outputs: Outputs) -> ImageBatch {
-        let [count, _, all] = self.mean.dims();
+        let (count, all) = (self.statistics.len(), self.mean.dims()[1]);
         let mut next = 0;
         let mut take = |channels: usize| {
             next += channels;
             match channels {
                 // No copy is needed for all channels.
                 _ if channels == all => self.mean.clone(),
-                _ => self.mean.clone().narrow(2, next - channels, channels),
+                _ => self.mean.clone().narrow(1, next - channels, channels),
             }
         };
-        let plane = |t: Tensor<3>| t.reshape([count, height, width]);
-        let color = |t: Tensor<3>| t.reshape([count, height, width, 3]);
+        let plane = |t: Tensor<2>| t.reshape([count, height, width]);
+        let color = |t: Tensor<2>| t.reshape([count, height, width, 3]);
         let radiance = color(take(3));
         let opacity = outputs.need_opacity().then(|| take(1));
         let seen = opacity.as_ref().map(|o| {
             let nothing = detached(o).lower_elem(1e-12);
             (o.clone().mask_fill(nothing.clone(), 1.0), nothing)
         });
-        let per_opacity = |t: Tensor<3>| match &seen {
+        let per_opacity = |t: Tensor<2>| match &seen {
             Some((opacity, nothing)) => {
                 let shape = t.dims();
                 (t / opacity.clone()).mask_fill(nothing.clone().expand(shape), 0.0)
@@ -250,7 +251,7 @@ impl Means {
         let normals = outputs.normals.then(|| color(per_opacity(take(3))));
         let albedo = (outputs.albedo).then(|| detached(&color(take(3))));
         let object_ids = outputs.object_ids.then(|| {
-            let index = take(self.objects + 1).inner().argmax(2);
+            let index = take(self.objects + 1).inner().argmax(1);
             let background = index.clone().equal_elem(self.objects as i64);
             index
                 .mask_fill(background, -1)

@@ -13,6 +13,8 @@ mod node;
 mod options;
 mod outputs;
 mod overview;
+#[cfg(feature = "remote")]
+pub(crate) mod remote;
 mod tangent;
 mod tensors;
 mod tiles;
@@ -32,10 +34,13 @@ pub use crate::tensors::{Diagnostics, SoftmaxOptions, Visibility};
 pub use batch::Batch;
 pub use cache::HierarchyCache;
 pub use derivative::{ImageDerivative, render_derivative};
+pub(crate) use film::Means;
 pub use film::{Image, ImageBatch, Program, Statistics, SurfacesPerRay};
 pub use options::{Engine, RenderOptions};
 pub use outputs::Outputs;
 pub use overview::overview;
+#[cfg(feature = "remote")]
+pub(crate) use remote::client::finish;
 pub use tangent::Tangent;
 #[cfg(feature = "fit")]
 pub(crate) use tangent::Values;
@@ -163,14 +168,33 @@ fn render_views(
     options: &RenderOptions,
     pixels: Option<Arc<Vec<u32>>>,
 ) -> Result<ImageBatch> {
-    options.check()?;
-    let batch = &*batch.with_tangents();
     let size = match &pixels {
         Some(pixels) => [pixels.len(), 1],
         None => [options.width, options.height],
     };
-    let all = size[0] as u128 * size[1] as u128 * batch.views.len() as u128;
-    options.check_memory(all)?;
+    let mut means = means(batch, options, pixels)?;
+    means.mean = with_gradient(means.mean, batch);
+    Ok(means.images(size, options.outputs))
+}
+
+/// Returns the rows of all pixels of all views.
+pub(crate) fn means(
+    batch: &Batch,
+    options: &RenderOptions,
+    pixels: Option<Arc<Vec<u32>>>,
+) -> Result<Means> {
+    options.check()?;
+    let count = match &pixels {
+        Some(pixels) => pixels.len() as u128,
+        None => options.width as u128 * options.height as u128,
+    };
+    options.check_memory(count * batch.views.len() as u128)?;
+    #[cfg(feature = "remote")]
+    if batch.is_remote() {
+        let channels = |objects| kernel::channels(options, objects);
+        return remote::client::render(batch, options, pixels, channels);
+    }
+    let batch = &*batch.with_tangents();
     if !options.quiet {
         mistakes::warn_of_settings(batch, options);
     }
@@ -195,18 +219,16 @@ fn render_views(
             expected,
         ));
     }
-    let mut means = match options.engine {
-        Engine::Tensors => tensors::render(batch, options, pixels)?,
-        _ if is_softmax => tensors::render(batch, options, pixels)?,
-        _ => kernel::render(batch, options, pixels)?,
-    };
-    means.mean = with_gradient(means.mean, batch);
-    Ok(means.images(size, options.outputs))
+    match options.engine {
+        Engine::Tensors => tensors::render(batch, options, pixels),
+        _ if is_softmax => tensors::render(batch, options, pixels),
+        _ => kernel::render(batch, options, pixels),
+    }
 }
 
 /// Attaches the images to all tracked tensors if they are not tracked yet. Tensors without influence then have a
 /// gradient of 0 rather than none, which a fit may encounter.
-fn with_gradient(mean: Tensor<3>, batch: &Batch) -> Tensor<3> {
+fn with_gradient(mean: Tensor<2>, batch: &Batch) -> Tensor<2> {
     if mean.is_tracked() {
         return mean;
     }
@@ -222,7 +244,7 @@ fn with_gradient(mean: Tensor<3>, batch: &Batch) -> Tensor<3> {
     }
     let dtype = mean.dtype();
     match collected.tracked_zero() {
-        Some(nothing) => mean + nothing.cast(dtype).reshape([1, 1, 1]),
+        Some(nothing) => mean + nothing.cast(dtype).reshape([1, 1]),
         None => mean,
     }
 }

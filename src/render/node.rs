@@ -8,6 +8,8 @@ use std::sync::Arc;
 
 #[cfg(feature = "gpu")]
 use burn::backend::Cube;
+#[cfg(feature = "remote")]
+use burn::backend::Remote;
 use burn::backend::autodiff::checkpoint::base::Checkpointer;
 use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
 use burn::backend::autodiff::grads::Gradients;
@@ -21,6 +23,8 @@ use crate::device::count_read_back;
 type OnHost = dyn Fn(&TensorData) -> Vec<f64> + Send + Sync;
 #[cfg(feature = "gpu")]
 type OnGpu = dyn Fn(&FloatTensor<Cube>) -> FloatTensor<Cube> + Send + Sync;
+#[cfg(feature = "remote")]
+type OnServer = dyn Fn(FloatTensor<Remote>, usize) -> FloatTensor<Remote> + Send + Sync;
 
 /// A function from the upstream gradient of the output `[R, C]` to the gradient of the parameters `[N]`.
 pub(super) enum Derivative {
@@ -28,6 +32,9 @@ pub(super) enum Derivative {
     /// For an image on a GPU. Its gradient stays there.
     #[cfg(feature = "gpu")]
     Gpu(Box<OnGpu>),
+    /// For an image on a server, whose function is given the number of parameters too.
+    #[cfg(feature = "remote")]
+    Remote(Box<OnServer>),
 }
 
 /// The derivative of an output, shared by the nodes of the graph.
@@ -51,8 +58,8 @@ pub(super) trait ImageGradient: Backend {
     fn gradient(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
         match &*derivative.of {
             Derivative::Host(of) => by_host::<Self>(upstream, of, derivative),
-            #[cfg(feature = "gpu")]
-            Derivative::Gpu(_) => unreachable!("the image of a GPU lies there"),
+            #[allow(unreachable_patterns)] // if no feature has another derivative
+            _ => unreachable!("the image of a GPU or a server lies there"),
         }
     }
 }
@@ -83,6 +90,18 @@ impl ImageGradient for Cube {
         match &*derivative.of {
             Derivative::Host(of) => by_host::<Self>(upstream, of, derivative),
             Derivative::Gpu(of) => of(&upstream),
+            #[cfg(feature = "remote")]
+            Derivative::Remote(_) => unreachable!("the image of a server lies there"),
+        }
+    }
+}
+
+#[cfg(feature = "remote")]
+impl ImageGradient for Remote {
+    fn gradient(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
+        match &*derivative.of {
+            Derivative::Remote(of) => of(upstream, derivative.shape[0]),
+            _ => unreachable!("the server has the scene"),
         }
     }
 }
@@ -91,7 +110,8 @@ impl ImageGradient for Cube {
     Autodiff,
     Flex: cfg(feature = "flex"),
     NdArray: cfg(feature = "ndarray"),
-    Cube: cfg(feature = "gpu")
+    Cube: cfg(feature = "gpu"),
+    Remote: cfg(feature = "remote")
 )]
 pub(super) trait NodeBackend: Backend {
     /// Returns the unchanged output with the parameters as its parent.
@@ -120,7 +140,7 @@ macro_rules! without_autodiff {
     };
 }
 
-without_autodiff!("flex" Flex, "ndarray" NdArray, "gpu" Cube);
+without_autodiff!("flex" Flex, "ndarray" NdArray, "gpu" Cube, "remote" Remote);
 
 #[derive(Debug)]
 struct ImageNode;

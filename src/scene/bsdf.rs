@@ -18,6 +18,7 @@ pub(crate) const MIN_CONTRAST: f64 = 1e-3;
 /// [`ScalarTexture`] has an example.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub enum Bsdf {
     /// Lambert plus normalized Phong: f = k_d/π + k_s (n + 2)/(2π) cosⁿα ([`Material::diffuse`](super::Material::diffuse), [`Material::phong`](super::Material::phong)).
     Phong {

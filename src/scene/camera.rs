@@ -7,6 +7,7 @@ use crate::geometry::{Context, Vec3, detached};
 /// A camera in right-handed coordinates.
 /// Pixel (0, 0) is at the upper left. By default the camera is a pinhole with a perspective projection.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub struct Camera {
     /// Position, in scene units.
     pub eye: Parameter<3>,
@@ -22,6 +23,7 @@ pub struct Camera {
 
 /// The projection of a camera. [`CameraParams`](crate::modules::CameraParams) has an example.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub enum Projection {
     /// Perspective about the middle of the image, with square pixels.
     Perspective {
@@ -48,6 +50,7 @@ pub enum Projection {
 
 /// A thin lens. It requires a perspective projection. [`CameraParams`](crate::modules::CameraParams) has an example.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub struct ThinLens {
     /// Radius of the aperture, in scene units, ≥ 0.
     pub aperture_radius: Parameter<1>,

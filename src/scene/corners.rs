@@ -9,10 +9,13 @@ use burn::tensor::{Tensor, TensorData};
 ///
 /// [`Mesh::smooth_normals`](super::Mesh::smooth_normals) has an example.
 #[derive(Clone)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub struct CornerAttribute {
     /// The values `[V, C]`.
+    #[cfg_attr(feature = "remote", serde(with = "super::slots::tensor"))]
     pub values: Tensor<2>,
     /// Rows of `values` for the three corners of each face.
+    #[cfg_attr(feature = "remote", serde(with = "super::slots::faces"))]
     pub faces: Arc<Vec<[u32; 3]>>,
 }
 

@@ -10,12 +10,13 @@ use crate::geometry::any_positive;
 ///
 /// [`EnvironmentParams`](crate::modules::EnvironmentParams) has an example.
 #[derive(Clone)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub enum Environment {
     /// The same radiance from all directions, RGB.
     Constant(Parameter<3>),
     /// An equirectangular map of radiance `[H, W, 3]`, interpolated bilinearly.
     /// Row 0 is about +y, the last row about −y. The middle column is towards −z, columns to its right are towards +x.
-    Map(Tensor<3>),
+    Map(#[cfg_attr(feature = "remote", serde(with = "super::slots::tensor"))] Tensor<3>),
 }
 
 impl<P: Into<Parameter<3>>> From<P> for Environment {

@@ -17,7 +17,7 @@ use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData, Weld};
 
 /// A sphere about the scene that sets the scale of depths and tolerances. It has no gradient.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Normalization {
     /// The center, in scene units.
     pub center: [f64; 3],

@@ -31,6 +31,7 @@ use crate::geometry::{Context, Vec3, sin_cos};
 /// assert!(scene.has_light());
 /// ```
 #[derive(Clone)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub enum Light {
     /// Shines the same in all directions, from a point.
     Point {

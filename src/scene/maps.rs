@@ -10,10 +10,12 @@ use crate::geometry::host_values;
 ///
 /// [`NormalMapParams`](crate::modules::NormalMapParams) has an example.
 #[derive(Clone)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub struct NormalMap {
     /// Texels `[H, W, 3]`, row 0 at the top (v = 1), interpolated bilinearly like the texture of a
     /// [`ColorTexture`](super::ColorTexture).
     /// They are the normal's components along tangent, bitangent and the interpolated normal, of any length.
+    #[cfg_attr(feature = "remote", serde(with = "super::slots::tensor"))]
     pub texels: Tensor<3>,
     /// The continuation outside of the unit square.
     pub wrap: Wrap,
@@ -28,8 +30,10 @@ pub struct NormalMap {
 /// assert_eq!(fence.alpha_mask.expect("a mask").cutoff, 0.5);
 /// ```
 #[derive(Clone)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub struct AlphaMask {
     /// Alpha `[H, W]`, row 0 at the top (v = 1), interpolated bilinearly.
+    #[cfg_attr(feature = "remote", serde(with = "super::slots::tensor"))]
     pub alpha: Tensor<2>,
     /// The continuation outside of the unit square.
     pub wrap: Wrap,

@@ -43,6 +43,7 @@ impl MaterialKind {
 ///
 /// [`ScalarTexture`] has an example.
 #[derive(Clone)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub struct Material {
     /// The name in messages.
     pub name: String,

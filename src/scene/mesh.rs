@@ -12,10 +12,13 @@ use crate::geometry::host_values;
 
 /// A triangle mesh. Faces share vertices: a gradient step on a vertex moves every face at it.
 #[derive(Clone)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub struct Mesh {
     /// Positions `[V, 3]`, in scene units.
+    #[cfg_attr(feature = "remote", serde(with = "super::slots::tensor"))]
     pub vertices: Tensor<2>,
     /// Rows of `vertices` for the corners of each face, counter-clockwise seen from the front.
+    #[cfg_attr(feature = "remote", serde(with = "super::slots::faces"))]
     pub faces: Arc<Vec<[u32; 3]>>,
     /// Texture coordinates `[_, 2]`. (0, 0) is the lower left of an image.
     pub uvs: Option<CornerAttribute>,

@@ -25,6 +25,8 @@ mod parameter;
 mod parameters;
 mod placement;
 pub mod shapes;
+#[cfg(feature = "remote")]
+pub(crate) mod slots;
 mod tangents;
 mod texture;
 mod transfer;
@@ -75,6 +77,7 @@ use crate::error::{Error, Result, one_of};
 
 /// A scene: objects, lights and an environment.
 #[derive(Clone)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub struct Scene {
     /// The objects, in the order of their ids.
     pub objects: List<Object>,
@@ -164,6 +167,7 @@ impl Scene {
 ///
 /// [`Scene::bounds`] has an example.
 #[derive(Clone)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub struct Object {
     /// The name in error messages and for [`Scene::object`].
     pub name: String,
@@ -172,6 +176,7 @@ pub struct Object {
     /// The materials that [`Self::face_materials`] indexes, at least one.
     pub materials: List<Material>,
     /// The index of each face's material. If the list is empty, all faces have the first material.
+    #[cfg_attr(feature = "remote", serde(with = "slots::indices"))]
     pub face_materials: Arc<Vec<u32>>,
     /// Linear velocity `[3]`, in scene units over the shutter [0, 1).
     pub velocity: Option<Parameter<3>>,

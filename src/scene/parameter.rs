@@ -8,11 +8,12 @@ use crate::geometry::{Context, Vec3, host_values};
 ///
 /// [`Mesh::translated`](super::Mesh::translated) has an example.
 #[derive(Clone)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub enum Parameter<const C: usize> {
     /// Numbers. They are put on the scene's device in the scene's float type.
-    Constant([f64; C]),
+    Constant(#[cfg_attr(feature = "remote", serde(with = "super::slots::numbers"))] [f64; C]),
     /// A tensor `[C]`.
-    Tensor(Tensor<1>),
+    Tensor(#[cfg_attr(feature = "remote", serde(with = "super::slots::tensor"))] Tensor<1>),
 }
 
 impl<const C: usize> Parameter<C> {

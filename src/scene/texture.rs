@@ -30,12 +30,14 @@ impl Value<'_> {
 ///
 /// [`ScalarTexture`] has an example.
 #[derive(Clone)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub enum ColorTexture {
     /// RGB.
     Constant(Parameter<3>),
     /// `[H, W, 3]`, row 0 at the top (v = 1), looked up bilinearly; texel centers at half-integers.
     Texture {
         /// The texels.
+        #[cfg_attr(feature = "remote", serde(with = "super::slots::tensor"))]
         texels: Tensor<3>,
         /// Outside of the unit square.
         wrap: Wrap,
@@ -107,12 +109,14 @@ impl ColorTexture {
 /// assert!(matches!(material.bsdf, Bsdf::MetallicRoughness { .. }));
 /// ```
 #[derive(Clone)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub enum ScalarTexture {
     /// One number.
     Constant(Parameter<1>),
     /// `[H, W]`, row 0 at the top (v = 1), looked up bilinearly; texel centers at half-integers.
     Texture {
         /// The texels.
+        #[cfg_attr(feature = "remote", serde(with = "super::slots::tensor"))]
         texels: Tensor<2>,
         /// Outside of the unit square.
         wrap: Wrap,

@@ -7,6 +7,7 @@ use crate::geometry::{host_values, sin_cos};
 
 /// A mistake: the value found and the values expected.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Mistake {
     pub found: String,
     pub expected: String,

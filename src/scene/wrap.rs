@@ -4,6 +4,7 @@
 ///
 /// [`TextureParams`](crate::modules::TextureParams) has an example.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
 pub enum Wrap {
     /// The image is tiled.
     #[default]

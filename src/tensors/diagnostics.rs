@@ -1,6 +1,7 @@
 //! Counts of degenerate cases in a render, on request.
 
 use burn::tensor::{Bool, Tensor};
+use serde::{Deserialize, Serialize};
 
 use super::softmax::{Weights, grazing};
 use crate::error::Result;
@@ -12,7 +13,7 @@ use crate::geometry::{Vec3, detached, host_values};
 /// counting reads data back from the device and takes time. Renders without counting have no such cost.
 ///
 /// [`Statistics`](crate::render::Statistics) has an example.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Diagnostics {
     /// Triangles without area, which no ray hits.

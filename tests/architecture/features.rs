@@ -83,6 +83,12 @@ pub fn not_run() -> Vec<String> {
     };
     let mut all = missing(".ci/run", "--features vulkan,ndarray", &needs);
     all.extend(missing("README.md", "--features vulkan", &on_gpus));
+    let on_servers = |s: &Subject| s.program == "remote";
+    all.extend(missing(
+        ".ci/run",
+        "--features train,remote-server",
+        &on_servers,
+    ));
     let units = commands_with("--features vulkan,ndarray", &text(".ci/run"));
     if !units.iter().any(|command| command.contains(" --lib ")) {
         all.push(".ci/run: --lib".to_owned());

@@ -5,6 +5,7 @@ mod common;
 mod parameters;
 
 mod backends;
+mod devices;
 mod fit_settings;
 mod large_steps;
 mod least_squares;

@@ -111,8 +111,9 @@ fn all_outputs() -> RenderOptions {
 #[test]
 fn derivatives_of_all_outputs_are_unbiased() {
     let device = Device::flex();
+    let column = |i: usize| (i % SIZE) as f64 / SIZE as f64;
     let weights: Vec<f64> = (0..8 * SIZE * SIZE)
-        .map(|i| 1.0 + 0.5 * f64::from((i % 17) as u8))
+        .map(|i| 0.5 + 2.0 * column(i))
         .collect();
     let weight = |k: usize| {
         tensor::<1>(
@@ -144,7 +145,7 @@ fn derivatives_of_all_outputs_are_unbiased() {
     let mut apart = [Vec::new(), Vec::new()];
     let mut sizes = [0.0; 2];
     for seed in 0..40 {
-        let options = all_outputs().with_seed(seed);
+        let options = all_outputs().with_samples(256).with_seed(seed);
         let derivative =
             render_derivative(&scene, &camera, &options, &tangents).expect("derivatives");
         let x = leaf(&[0.1], &device);
@@ -176,7 +177,7 @@ fn derivatives_of_all_outputs_are_unbiased() {
         let (mean, error) = mean_and_error(apart);
         println!("{size}: apart by {mean} ± {error}");
         assert!(
-            error < 0.02 * size.abs() && mean.abs() < 4.0 * error,
+            error < 0.05 * size.abs() && mean.abs() < 4.0 * error,
             "{mean} ± {error} of {size}"
         );
     }

@@ -13,6 +13,7 @@ mod gltf_details;
 mod gltf_materials;
 mod hostile;
 mod hostile_binary;
+mod memory;
 mod mistakes_files;
 mod obj;
 mod pictures;

@@ -3,11 +3,15 @@
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod float8;
+#[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
 mod plain;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+mod simd128;
 
 use pulp::Arch;
 
 pub(crate) use float8::{F8, LANES, Lanes, Machine, Mask8};
+#[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
 pub(crate) use plain::Plain;
 
 /// Work that is compiled for the machine's instructions. It is not a closure, because a closure that only borrows
@@ -67,8 +71,10 @@ macro_rules! each_of_three {
 }
 pub(super) use each_of_three;
 
+#[cfg(not(target_arch = "wasm32"))]
 struct OnMachine<T, M>(T, M);
 
+#[cfg(not(target_arch = "wasm32"))]
 impl<T: Task, M: Machine> pulp::WithSimd for OnMachine<T, M> {
     type Output = T::Output;
 
@@ -79,6 +85,7 @@ impl<T: Task, M: Machine> pulp::WithSimd for OnMachine<T, M> {
 }
 
 /// Runs a task with the instructions of a machine.
+#[cfg(not(target_arch = "wasm32"))]
 #[inline(always)]
 pub(crate) fn dispatch<T: Task>(arch: Arch, task: T) -> T::Output {
     match arch {
@@ -88,4 +95,16 @@ pub(crate) fn dispatch<T: Task>(arch: Arch, task: T) -> T::Output {
         #[allow(unreachable_patterns)] // on machines of the arms above
         arch => arch.dispatch(OnMachine(task, Plain::<true>)),
     }
+}
+
+/// Runs a task with the instructions for which the program is compiled: on WebAssembly they are not chosen at run time.
+/// It has no instruction that multiplies and adds.
+#[cfg(target_arch = "wasm32")]
+#[inline(always)]
+pub(crate) fn dispatch<T: Task>(_arch: Arch, task: T) -> T::Output {
+    #[cfg(target_feature = "simd128")]
+    let machine = simd128::Simd128;
+    #[cfg(not(target_feature = "simd128"))]
+    let machine = Plain::<false>;
+    task.run(machine)
 }

@@ -10,7 +10,6 @@ use percent_encoding::percent_decode_str;
 
 use super::Document;
 use crate::error::Result;
-use crate::io::limits::read_bytes;
 
 /// The target of a URI.
 pub(super) enum Target {
@@ -38,11 +37,11 @@ pub(super) fn load(document: &Document, binary: Option<Bytes>) -> Result<(Vec<By
                 Target::Data(data) => data.into(),
                 Target::File(file) => {
                     // One file may have several paths.
-                    let key = file.canonicalize().unwrap_or_else(|_| file.clone());
+                    let key = document.files.key(&file);
                     match files.get(&key) {
                         Some(read) => read.clone(),
                         None => {
-                            let read = read_bytes(&file, document.limits).map_err(|e| {
+                            let read = document.files.read_bytes(&file).map_err(|e| {
                                 e.named_by(&format!("{}, {place}.uri", document.path.display()))
                             });
                             let read = Bytes::from(read?);
@@ -87,7 +86,7 @@ impl Document<'_> {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let file = folder.join(&*percent_decode_str(uri).decode_utf8_lossy());
         let from = format!("{}, {place}", self.path.display());
-        self.limits.check_place(&file, folder, &from)?;
+        self.files.check_place(&file, folder, &from)?;
         Ok(Target::File(file))
     }
 }

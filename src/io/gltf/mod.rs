@@ -21,20 +21,20 @@ use fields::Fields;
 use schema::Root;
 use serde_json::Value;
 
-use super::LoadLimits;
 use super::description::Description;
-use super::limits::{parse_json, read_bytes};
+use super::files::Files;
+use super::limits::parse_json;
 use super::notes::Notes;
 use crate::error::{Error, Result};
 
 /// Reads a file and its buffers.
-pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
-    let bytes = Bytes::from(read_bytes(path, limits)?);
+pub(super) fn read(path: &Path, files: Files) -> Result<Description> {
+    let bytes = Bytes::from(files.read_bytes(path)?);
     let (json, binary) = container::split(&bytes).map_err(|m| Error::format(path, m))?;
     let root: Root = parse_json(path, &bytes[json])?;
     let mut document = Document {
         path,
-        limits,
+        files,
         root,
         buffers: Vec::new(),
         bytes: bytes.len() as u64,
@@ -55,7 +55,7 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
 /// A parsed file with its buffers.
 struct Document<'a> {
     path: &'a Path,
-    limits: &'a LoadLimits,
+    files: Files<'a>,
     root: Root,
     buffers: Vec<Bytes>,
     /// The size of the file and the files of its buffers.

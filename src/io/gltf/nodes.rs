@@ -176,7 +176,7 @@ impl Walk<'_> {
             let lights = lights.and_then(|l| l["lights"].as_array());
             let lights = lights.map_or(&[][..], Vec::as_slice);
             let json = document.fields(lights, index, &place, "lights")?;
-            let taken = self.description.memory.take(1, LIGHT, document.limits);
+            let taken = self.description.memory.take(1, LIGHT, &document.files);
             taken.map_err(|message| document.fail(&place, message))?;
             self.description.lights.push(self.light(&json, to_world)?);
         }
@@ -187,14 +187,14 @@ impl Walk<'_> {
         let document = self.document;
         let more = most_triangles(document, &document.root.meshes[index]);
         self.triangles = self.triangles.saturating_add(more);
-        let most = document.limits.triangles;
+        let most = document.files.triangles;
         let message = format_args!(
             "makes more than {most} triangles: LoadLimits::with_triangles raises the limit"
         );
         document.unless(self.triangles <= most, place, message)?;
         let memory = &mut self.description.memory;
-        let taken = memory.take(more, TRIANGLE, document.limits);
-        let taken = taken.and_then(|()| memory.take(1, OBJECT, document.limits));
+        let taken = memory.take(more, TRIANGLE, &document.files);
+        let taken = taken.and_then(|()| memory.take(1, OBJECT, &document.files));
         taken.map_err(|message| document.fail(place, message))?;
         let known = match self.meshes.get(&index) {
             Some(&known) => known,

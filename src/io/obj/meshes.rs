@@ -13,7 +13,7 @@ impl Reader<'_> {
     pub fn meshes(&self, all: &tobj::Mesh) -> Result<Vec<MeshDescription>> {
         let mut meshes: Vec<MeshDescription> = Vec::new();
         meshes.resize_with(self.objects.names.len(), MeshDescription::default);
-        let mut polygons = Polygons::new(self.limits);
+        let mut polygons = Polygons::new(&self.files);
         let mut first = 0;
         for (i, face) in self.faces.iter().enumerate() {
             // An empty list means that all faces have three corners.

@@ -11,9 +11,9 @@ use std::path::Path;
 
 use glam::DAffine3;
 
-use super::LoadLimits;
 use super::description::{Description, ObjectDescription};
-use super::limits::{Memory, read_text};
+use super::files::Files;
+use super::limits::Memory;
 use super::notes::Notes;
 use crate::error::{Error, Result};
 use mtl::{Library, keyword, words};
@@ -26,9 +26,9 @@ const UNNAMED: &str = "unnamed_object";
 const PART: u64 = 3 << 12;
 
 /// Reads a file with its MTL files; see [`Scene::load`](crate::scene::Scene::load).
-pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
-    let (text, notes) = (read_text(path, limits)?, Notes::default());
-    let mut reader = Reader::new(path, &text, limits, &notes);
+pub(super) fn read(path: &Path, files: Files) -> Result<Description> {
+    let (text, notes) = (files.read_text(path)?, Notes::default());
+    let mut reader = Reader::new(path, &text, files, &notes);
     let mut continued = String::new();
     // The empty line ends a last line that is continued.
     for (i, line) in text.lines().chain([""]).enumerate() {
@@ -117,7 +117,7 @@ struct Face {
 /// The content read so far.
 struct Reader<'a> {
     path: &'a Path,
-    limits: &'a LoadLimits,
+    files: Files<'a>,
     notes: &'a Notes,
     library: Library<'a>,
     /// The text for tobj.
@@ -142,7 +142,7 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn new(path: &'a Path, text: &str, limits: &'a LoadLimits, notes: &'a Notes) -> Self {
+    fn new(path: &'a Path, text: &str, files: Files<'a>, notes: &'a Notes) -> Self {
         let (mut totals, mut colored) = ([0; 3], false);
         for line in text.lines() {
             let (keyword, rest) = keyword(line);
@@ -154,9 +154,9 @@ impl<'a> Reader<'a> {
         let folder = path.parent().unwrap_or(Path::new(""));
         Self {
             path,
-            limits,
+            files,
             notes,
-            library: Library::new(folder, limits, notes),
+            library: Library::new(folder, files, notes),
             text: String::new(),
             counts: [0; 3],
             totals,
@@ -235,10 +235,10 @@ impl<'a> Reader<'a> {
     fn face(&mut self, line: usize, words: &[&str]) -> Result<()> {
         if words.len() < 3 {
             let message = format!("f has {} corners, expected at least 3", words.len());
-            return self.notes.fault(self.fail(line, message), self.limits);
+            return self.notes.fault(self.fail(line, message), &self.files);
         }
         self.triangles += words.len() as u64 - 2;
-        let allowed = self.limits.check_triangles(self.triangles);
+        let allowed = self.files.check_triangles(self.triangles);
         allowed.map_err(|m| self.fail(line, m))?;
         let (object, material) = match self.part {
             Some(part) => part,
@@ -263,7 +263,7 @@ impl<'a> Reader<'a> {
         }
         self.faces.push(face);
         match fault {
-            Some(message) => self.notes.fault(self.fail(line, message), self.limits),
+            Some(message) => self.notes.fault(self.fail(line, message), &self.files),
             None => Ok(()),
         }
     }
@@ -273,7 +273,7 @@ impl<'a> Reader<'a> {
         let (object, material) = (&self.object, &self.material);
         let part = (self.objects.number(object), self.materials.number(material));
         if self.parts.insert(part) {
-            let taken = self.memory.take(1, PART, self.limits);
+            let taken = self.memory.take(1, PART, &self.files);
             taken.map_err(|m| format!("object {object:?} with material {material:?} {m}"))?;
         }
         self.part = Some(part);

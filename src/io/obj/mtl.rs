@@ -6,7 +6,7 @@ use std::rc::Rc;
 
 use crate::error::{Error, Result};
 use crate::io::description::{Color, ExtraBsdf, ImageSource, MaterialDescription, TextureUse};
-use crate::io::limits::{LoadLimits, read_text};
+use crate::io::files::Files;
 use crate::io::notes::Notes;
 use crate::scene::Wrap;
 use crate::warnings::warning;
@@ -26,7 +26,7 @@ const UNTEXTURED: &str = "these materials have a texture on objects without coor
 pub(super) struct Library<'a> {
     /// The folder of the OBJ file.
     folder: &'a Path,
-    limits: &'a LoadLimits,
+    files: Files<'a>,
     notes: &'a Notes,
     /// Materials by name, each with its file. The last material of a name is used.
     materials: HashMap<String, (Rc<tobj::Material>, Rc<Path>)>,
@@ -37,14 +37,14 @@ pub(super) struct Library<'a> {
     pub described: Vec<MaterialDescription>,
     numbers: HashMap<(String, bool), usize>,
     pub images: Vec<ImageSource>,
-    files: HashMap<PathBuf, usize>,
+    image_numbers: HashMap<PathBuf, usize>,
 }
 
 impl<'a> Library<'a> {
-    pub fn new(folder: &'a Path, limits: &'a LoadLimits, notes: &'a Notes) -> Self {
+    pub fn new(folder: &'a Path, files: Files<'a>, notes: &'a Notes) -> Self {
         Self {
             folder,
-            limits,
+            files,
             notes,
             materials: HashMap::new(),
             read: HashSet::new(),
@@ -52,7 +52,7 @@ impl<'a> Library<'a> {
             described: Vec::new(),
             numbers: HashMap::new(),
             images: Vec::new(),
-            files: HashMap::new(),
+            image_numbers: HashMap::new(),
         }
     }
 
@@ -60,8 +60,8 @@ impl<'a> Library<'a> {
     /// of the statement, for messages.
     pub fn add(&mut self, statement: &str, from: &str) -> Result<()> {
         let whole = self.resolve(&[self.folder], statement);
-        let is_there = self.limits.may_look_at(&whole, self.folder) && whole.is_file();
-        let is_one = is_there || statement.split_whitespace().count() < 2;
+        let is_one =
+            self.files.has(&whole, self.folder) || statement.split_whitespace().count() < 2;
         let files = match is_one {
             true => vec![whole],
             false => {
@@ -72,15 +72,15 @@ impl<'a> Library<'a> {
             }
         };
         for file in files {
-            self.limits.check_place(&file, self.folder, from)?;
-            let key = file.canonicalize().unwrap_or_else(|_| file.clone());
+            self.files.check_place(&file, self.folder, from)?;
+            let key = self.files.key(&file);
             if !self.read.insert(key) {
                 continue;
             }
-            match read_text(&file, self.limits) {
+            match self.files.read_text(&file) {
                 Ok(text) => self.parse(&file, &text)?,
                 Err(error) => {
-                    self.notes.fault(error.named_by(from), self.limits)?;
+                    self.notes.fault(error.named_by(from), &self.files)?;
                 }
             }
         }
@@ -101,7 +101,7 @@ impl<'a> Library<'a> {
                 Ok(statement) => sound += &statement,
                 Err(message) => {
                     let error = Error::format(path, format!("line {}: {message}", i + 1));
-                    self.notes.fault(error, self.limits)?;
+                    self.notes.fault(error, &self.files)?;
                 }
             }
         }
@@ -191,9 +191,9 @@ impl<'a> Library<'a> {
         }
         let own = file.parent().unwrap_or(self.folder);
         let path = self.resolve(&[own, self.folder], name);
-        self.limits.check_place(&path, self.folder, &from())?;
+        self.files.check_place(&path, self.folder, &from())?;
         let next = self.images.len();
-        let image = *self.files.entry(path).or_insert_with_key(|path| {
+        let image = *self.image_numbers.entry(path).or_insert_with_key(|path| {
             let (path, named_by) = (path.clone(), from());
             self.images.push(ImageSource::File { path, named_by });
             next
@@ -213,8 +213,9 @@ impl<'a> Library<'a> {
             .iter()
             .flat_map(|f| [f.join(name), f.join(&slashed)]);
         let first = candidates.clone().next().unwrap_or_else(|| name.into());
-        let is_there = |c: &PathBuf| self.limits.may_look_at(c, self.folder) && c.is_file();
-        candidates.find(is_there).unwrap_or(first)
+        candidates
+            .find(|c| self.files.has(c, self.folder))
+            .unwrap_or(first)
     }
 }
 
@@ -316,7 +317,7 @@ mod tests {
         let files = ["wood.png", "./wood.png", "stone.png"];
         let mtl = files.map(|file| format!("newmtl {file}\nmap_Kd {file}\n"));
         let (limits, notes) = (LoadLimits::default(), Notes::default());
-        let mut library = Library::new(Path::new("folder"), &limits, &notes);
+        let mut library = Library::new(Path::new("folder"), Files::of_system(&limits), &notes);
         let parsed = library.parse(Path::new("folder/a.mtl"), &mtl.concat());
         assert!(parsed.is_ok());
         let image = |name: &&str| {

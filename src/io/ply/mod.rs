@@ -8,12 +8,11 @@ use std::path::Path;
 
 use glam::{DAffine3, DVec3};
 
-use super::LoadLimits;
 use super::description::{
     Color, Corners, Description, ImageSource, MaterialDescription, MeshDescription,
     ObjectDescription, TextureUse,
 };
-use super::limits::read_bytes;
+use super::files::Files;
 use super::numbers::Kind;
 use super::polygon::Polygons;
 use super::srgb::srgb_to_linear;
@@ -24,12 +23,12 @@ use header::{Element, Format, Header, Property};
 use values::Values;
 
 /// Reads a file. The description refers to the texture that the file names.
-pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
-    let bytes = read_bytes(path, limits)?;
+pub(super) fn read(path: &Path, files: Files) -> Result<Description> {
+    let bytes = files.read_bytes(path)?;
     let header = Header::parse(&bytes).map_err(|m| Error::format(path, m))?;
     let mut reader = Reader {
         path,
-        limits,
+        files,
         values: Values {
             format: header.format,
             rest: &bytes[header.end..],
@@ -67,7 +66,7 @@ pub(super) fn read(path: &Path, limits: &LoadLimits) -> Result<Description> {
 
 struct Reader<'a> {
     path: &'a Path,
-    limits: &'a LoadLimits,
+    files: Files<'a>,
     values: Values<'a>,
     mesh: MeshDescription,
     /// Attributes per vertex; empty if the file has none.
@@ -163,7 +162,7 @@ impl Reader<'_> {
         let texcoord = element.list(&["texcoord"]);
         let count = self.mesh.positions.len();
         let mut row = Row::of(element);
-        let mut polygons = Polygons::new(self.limits);
+        let mut polygons = Polygons::new(&self.files);
         for i in 0..element.count {
             self.row(element, i, &mut row)?;
             let place = || format!("face {i}");
@@ -179,7 +178,7 @@ impl Reader<'_> {
             }
             let face: Vec<u32> = list.iter().map(|&v| v as u32).collect();
             let triangles = (self.mesh.faces.len() + face.len() - 2) as u64;
-            let allowed = self.limits.check_triangles(triangles);
+            let allowed = self.files.check_triangles(triangles);
             allowed.map_err(|m| self.fail(place(), m))?;
             let positions = &self.mesh.positions;
             let places = face.iter().map(|&v| DVec3::from(positions[v as usize]));
@@ -228,7 +227,7 @@ impl Reader<'_> {
             }
             description.images.push(ImageSource::File {
                 named_by: path.display().to_string(),
-                path: self.limits.beside(path, name)?,
+                path: self.files.beside(path, name)?,
             });
             mesh.materials = vec![Some(0)];
             let texture = TextureUse {

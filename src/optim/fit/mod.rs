@@ -3,6 +3,7 @@
 
 mod check;
 mod checkpoint;
+mod devices;
 mod history;
 mod least_squares;
 mod pictures;
@@ -20,6 +21,7 @@ use burn::optim::ModuleOptimizer;
 
 use super::schedule::Blur;
 use crate::error::Result;
+pub use devices::Part;
 pub use history::{History, Row};
 pub use least_squares::{LeastSquares, Residual};
 use pictures::Pictures;

@@ -1,9 +1,9 @@
 //! The display of a running fit: a bar on a terminal, otherwise lines at intervals.
 
 use std::io::Write;
-use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use web_time::{Duration, Instant};
 
 use super::{Stop, Warning};
 use crate::warnings::warn;

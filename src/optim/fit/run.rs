@@ -3,31 +3,23 @@
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::time::Instant;
 
 use burn::module::Module;
 use burn::optim::GradientsParams;
+use burn::tensor::Device;
+use web_time::Instant;
 
 use super::check::{clip, loss_of_step, no_gradient, not_finite};
 use super::checkpoint::Checkpoints;
+use super::devices::{Part, evaluate_over};
 use super::progress::Progress;
+use super::step::Evaluated;
 use super::{Evaluation, Fit, Fitted, History, Report, Row, Step, Stop, Warning};
 use crate::error::{Error, Result};
 use crate::optim::schedule::Blur;
 
-/// The evaluation of a step, and the gradients for its optimizer.
-pub(super) struct Evaluated {
-    pub evaluation: Evaluation,
-    pub loss: f64,
-    pub gradients: GradientsParams,
-    /// The Euclidean norm of the gradient of the loss.
-    pub norm: f64,
-    /// The paths of parameters without influence on the loss.
-    pub unused: Vec<String>,
-}
-
 /// A function that evaluates a step, given the steps before it.
-pub(super) type Evaluate<'a, M> = &'a mut dyn FnMut(&M, &Step, &History) -> Result<Evaluated>;
+pub(super) type Evaluate<'a, M> = dyn FnMut(&M, &Step, &History) -> Result<Evaluated> + 'a;
 
 /// A running fit.
 struct Run<M> {
@@ -65,28 +57,80 @@ impl<M: Module> Fit<M> {
     /// conditions of [`Evaluation`], the first step has no image for [`Fit::with_pictures`], or a file cannot be
     /// written.
     pub fn run(self, mut f: impl FnMut(&M, &Step) -> Result<Evaluation>) -> Result<Fitted<M>> {
-        let most = self.clip;
         self.run_steps(&mut |module, step, _| {
             let evaluation = f(module, step)?;
             evaluation.check()?;
             let loss = loss_of_step(&evaluation.loss, step.index)?;
-            let mut gradients = GradientsParams::from_grads(evaluation.loss.backward(), module);
-            let (norm, unused) = clip(module, &mut gradients, most)?;
-            let Some(norm) = norm else {
-                return Err(no_gradient(module, &evaluation.loss));
-            };
+            let gradients = GradientsParams::from_grads(evaluation.loss.backward(), module);
             Ok(Evaluated {
                 evaluation,
                 loss,
                 gradients,
-                norm,
-                unused,
             })
         })
     }
 
+    /// Like [`run`](Self::run), by one thread for each of several devices.
+    ///
+    /// `f` receives a copy of the module on the device of its [`Part`], and returns the loss of that part: for example
+    /// of the views of [`Part::of`]. Losses and gradients of all parts are **summed**, in the order of the devices, so a
+    /// mean over views divides by the number of all views. Values, images and targets of all parts are recorded, under
+    /// names of their own.
+    ///
+    /// The module stays on its own device, where the optimizer steps. Each step copies its parameters to every device,
+    /// and the gradients back. The result is the same whatever the order in which the threads finish, and that of one
+    /// device but for rounding. A device may be named several times.
+    ///
+    /// ```
+    /// use burn::module::{Module, Param};
+    /// use burn::optim::AdamConfig;
+    /// use softray::optim::{Evaluation, Fit, Part, loss};
+    /// use softray::prelude::*;
+    ///
+    /// #[derive(Module, Debug)]
+    /// struct Color {
+    ///     albedo: Param<Tensor<1>>,
+    /// }
+    ///
+    /// let start = Tensor::full([3], 0.5, &Device::flex().autodiff());
+    /// let views = [0.0, 90.0, 180.0, 270.0];
+    /// let devices = [Device::flex(), Device::flex()];
+    /// let fit = Fit::new(Color { albedo: Param::from_tensor(start) }, AdamConfig::new().init(), 3);
+    /// let fitted = fit.run_over(&devices, |color: &Color, step, part: &Part| {
+    ///     let ball = Object::new(shapes::icosphere(1, &part.device));
+    ///     let scene = Scene::new()
+    ///         .with_object(ball.with_material(Material::diffuse(color.albedo.val())))
+    ///         .with_environment([1.0; 3]);
+    ///     let cameras = part.of(&views).map(|&angle| Camera::framing(&scene.bounds()?)?.orbit(angle, 0.0));
+    ///     let cameras = cameras.collect::<softray::Result<Vec<_>>>()?;
+    ///     let options = step.options(&RenderOptions::new(8, 8).with_samples(2), part.index as u64);
+    ///     let images = render_batch(&Batch::new(vec![scene], cameras)?, &options)?;
+    ///     let darker = (images.radiance - 0.2).powf_scalar(2.0).sum();
+    ///     Ok(Evaluation::new(darker / (views.len() * 8 * 8 * 3) as f64))
+    /// })?;
+    /// assert!(fitted.history.rows[2].loss < fitted.history.rows[0].loss);
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Like [`run`](Self::run), if there is no device, or if the server of a device has gone.
+    pub fn run_over(
+        self,
+        devices: &[Device],
+        f: impl Fn(&M, &Step, &Part) -> Result<Evaluation> + Sync,
+    ) -> Result<Fitted<M>> {
+        Error::unless(
+            !devices.is_empty(),
+            "fit",
+            "devices",
+            "empty",
+            "at least one",
+        )?;
+        self.run_steps(&mut |module, step, _| evaluate_over(module, step, devices, &f))
+    }
+
     /// Runs the steps with a function that returns the gradients of a step for the optimizer.
-    pub(super) fn run_steps(self, f: Evaluate<M>) -> Result<Fitted<M>> {
+    pub(super) fn run_steps(self, f: &mut Evaluate<'_, M>) -> Result<Fitted<M>> {
         let mut run = Run::open(self)?;
         while run.stop.is_none() && run.history.rows.len() < run.fit.steps {
             run = run.step(f)?;
@@ -154,7 +198,7 @@ impl<M: Module> Run<M> {
     }
 
     /// Takes a step.
-    fn step(mut self, f: Evaluate<M>) -> Result<Self> {
+    fn step(mut self, f: &mut Evaluate<'_, M>) -> Result<Self> {
         let index = self.history.rows.len();
         let first = index == 0 || self.resumed == Some(index);
         let steps = self.fit.steps;
@@ -171,13 +215,15 @@ impl<M: Module> Run<M> {
         let Evaluated {
             mut evaluation,
             loss,
-            gradients,
-            norm,
-            unused,
+            mut gradients,
         } = f(&self.fit.module, &step, &self.history)?;
         if first && step.blur.is_some() && !step.blurred.load(Ordering::Relaxed) {
             self.progress.warn(Warning::UnusedBlur);
         }
+        let (norm, missing) = clip(&self.fit.module, &mut gradients, self.fit.clip)?;
+        let Some(norm) = norm else {
+            return Err(no_gradient(&self.fit.module, &evaluation.loss));
+        };
         if !norm.is_finite() {
             return Err(not_finite("the gradient", norm, index));
         }

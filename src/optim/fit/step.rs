@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use burn::optim::GradientsParams;
 use burn::tensor::Tensor;
 
 use super::History;
@@ -122,6 +123,13 @@ impl Evaluation {
         }
         Ok(())
     }
+}
+
+/// An evaluation with its loss and the gradients of the module's parameters.
+pub(super) struct Evaluated {
+    pub evaluation: Evaluation,
+    pub loss: f64,
+    pub gradients: GradientsParams,
 }
 
 impl fmt::Debug for Evaluation {

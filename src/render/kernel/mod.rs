@@ -78,6 +78,12 @@ pub(super) fn derivatives(
     Ok(all.reshape([directions.len() + 1, pixels, count]))
 }
 
+/// The number of channels of the rows of scenes with at most so many objects.
+#[cfg(feature = "remote")]
+pub(super) fn channels(options: &RenderOptions, objects: usize) -> usize {
+    Rows::new(options.outputs, objects).count()
+}
+
 /// Renders the listed pixels of all views, or all pixels without a list.
 pub(super) fn render(
     batch: &Batch,
@@ -149,7 +155,7 @@ pub(super) fn render(
         mean = attach(parent, mean, derivative);
     }
     Ok(Means {
-        mean: mean.reshape([statistics.len(), count, rows.count()]),
+        mean,
         objects,
         statistics,
         diagnostics,

@@ -9,8 +9,8 @@ use burn::tensor::Tensor;
 use rayon::prelude::*;
 
 use crate::accel::Hierarchy;
-use crate::device::{label, stage};
-use crate::error::{Error, Result};
+use crate::device::stage;
+use crate::error::Result;
 use crate::geometry::{Context, detached};
 use crate::kernel::{EdgeSets, KernelScene, View, ViewSettings, Wanted};
 use crate::model::camera::HostCamera;
@@ -20,8 +20,8 @@ use crate::render::cache::{HierarchyCache, LastScene};
 use crate::render::mistakes::warn_of_views;
 use crate::render::options::{RenderOptions, sampler};
 use crate::scene::{
-    Camera, Collect, HostScene, Identity, ParameterId, Scene, Transfer, Visit, check_devices,
-    host_device, look_at_scene, visit_camera,
+    Camera, Collect, HostScene, Identity, ParameterId, Transfer, Visit, host_device, look_at_scene,
+    visit_camera,
 };
 use crate::tensors::Visibility;
 
@@ -38,30 +38,8 @@ pub(super) struct Prepared {
 /// Reads the scenes and cameras of a batch to the host. Constants in the cache are not read again.
 fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<HostCamera>)> {
     let mut batch = batch.clone();
-    let of_scene =
-        |(index, scene): (usize, &Scene)| check_devices(scene).map_err(in_batch("scene", index));
-    // The first scene's vertices have the device and shape of all.
-    let scenes = batch.scenes_with(|vertices| {
-        let [_, count, _] = vertices.dims();
-        detached(vertices).slice([0..1]).reshape([count, 3])
-    });
-    let contexts = scenes.iter().enumerate().map(of_scene);
-    let contexts = contexts.collect::<Result<Vec<_>>>()?;
-    let context = &contexts[0];
-    for (index, other) in contexts.iter().enumerate() {
-        let same = other.device == context.device && other.dtype == context.dtype;
-        if !same {
-            let name = |c: &Context| format!("{:?} on {}", c.dtype, label(&c.device));
-            let expected = format!("{} like the first scene's", name(context));
-            let error = Error::invalid("scene", "tensors", name(other), expected);
-            return Err(in_batch("scene", index)(error));
-        }
-    }
+    let context = &batch.context()?;
     let mut cameras: Vec<Camera> = batch.views.iter().map(|v| v.1.clone()).collect();
-    for (index, camera) in cameras.iter().enumerate() {
-        let checked = camera.check_device(context);
-        checked.map_err(in_batch("view", index))?;
-    }
     // A device with insufficient limits is an error before any kernel runs on it.
     #[cfg(feature = "gpu")]
     crate::gpu::check(&context.device, std::iter::empty(), false)?;

@@ -46,7 +46,7 @@ pub(super) fn render(
         Tensor::cat(vec![rows.narrow(1, 0, all - 1), none, background], 1)
     });
     Ok(Means {
-        mean: Tensor::stack(rows.collect(), 0),
+        mean: Tensor::cat(rows.collect(), 0),
         objects,
         statistics: views
             .iter()

@@ -17,6 +17,9 @@ pub(super) struct Equations {
     pub variance: f64,
 }
 
+/// The damping with which the fall of the loss is predicted.
+const DECREASE: f64 = 0.01;
+
 /// The residuals of a render and their derivatives with respect to each number.
 pub(super) struct Linear {
     pub residuals: Vec<f64>,
@@ -64,6 +67,12 @@ impl Equations {
     pub fn unused(&self) -> impl Iterator<Item = usize> {
         let scale = self.scale.iter().enumerate();
         scale.filter(|(_, s)| **s == 0.0).map(|(i, _)| i)
+    }
+
+    /// Returns by how much a step with little damping would reduce the loss if the residuals were linear.
+    pub fn decrease(&self) -> f64 {
+        let step = self.step(DECREASE);
+        step.map_or(f64::INFINITY, |step| -dot(&self.gradient, &step))
     }
 
     /// Returns the step for a damping λ, or `None` if H + λ·D is not positive definite. Numbers without influence do not

@@ -9,7 +9,7 @@ use burn::module::Module;
 use burn::optim::SgdConfig;
 use burn::tensor::Tensor;
 
-use super::run::Evaluated;
+use super::step::Evaluated;
 use super::{Evaluation, Fit, Fitted, History, Rate, Report, Step};
 use crate::error::{Error, Result};
 use crate::geometry::{detached, host_values};
@@ -164,14 +164,14 @@ impl Residual {
 /// divides by the matrix, has a bias of the order of the matrix's variance: it makes steps a little too long or too
 /// short, and does not move the point at which the fit ends.
 ///
-/// Where the loss stops falling, each step is an estimate of the target with noise of its own. From there on the fit takes
-/// the mean of these estimates: step n of them moves the numbers by 1/n of the solution. So more steps reduce the noise
-/// of the result, as more samples do.
+/// Where the loss would fall by less than its noise, each step is an estimate of the target with noise of its own. From there
+/// on the fit takes the mean of these estimates: step n of them moves the numbers by 1/n of the solution. So more steps
+/// reduce the noise of the result, as more samples do.
 ///
 /// *Damping.* A step tries several dampings, renders the scene at each resulting point with the same seeds, and takes
 /// the point with the least loss. If all are clearly worse than the current point, the numbers stay, and the next step begins
 /// with a larger damping. The history has as values the damping, the number of steps that are averaged and the level of
-/// noise of the loss.
+/// noise of the loss; its gradient norm is the length of the step.
 ///
 /// Folders, checkpoints, pictures, the history and callbacks are those of [`Fit`].
 ///
@@ -282,13 +282,11 @@ struct Problem<'a, M> {
     module: &'a M,
     step: &'a Step,
     numbers: Vec<f64>,
-    /// The path of the parameter of each number.
-    paths: Vec<String>,
 }
 
 impl<'a, M: Module> Problem<'a, M> {
     fn new(module: &'a M, step: &'a Step) -> Result<Self> {
-        let (numbers, paths) = numbers(module)?;
+        let numbers = numbers(module)?;
         let few = numbers.len() <= MAX_NUMBERS;
         let expected = format!("at most {MAX_NUMBERS} that are not frozen; Fit is for more");
         Error::unless(
@@ -302,7 +300,6 @@ impl<'a, M: Module> Problem<'a, M> {
             module,
             step,
             numbers,
-            paths,
         })
     }
 
@@ -335,28 +332,25 @@ impl<'a, M: Module> Problem<'a, M> {
             ));
         }
         let last = |name: &str| history.curve(name).last().map(|point| point.1);
-        let [damping, averaged, noise] = NAMES.map(last);
+        let [damping, averaged, _] = NAMES.map(last);
         let (damping, step) = self.best(&equations, damping.unwrap_or(DAMPING), f)?;
-        // The larger of loss and noise falls while steps are far from the target. Then earlier steps do not count.
-        let own = equations.variance.sqrt();
-        let before = history.rows.last().zip(noise);
-        let before = before.map_or(f64::INFINITY, |(row, noise)| row.loss.max(noise));
-        let kept = (equations.loss.max(own) / before).min(1.0);
-        let averaged = 1.0 + kept * averaged.unwrap_or(0.0);
-        let values = NAMES.into_iter().zip([damping, averaged, own]);
+        // Far from the target, earlier steps do not count.
+        let noise = equations.variance.sqrt();
+        let arrived = equations.decrease() < noise;
+        let averaged = if arrived {
+            averaged.unwrap_or(0.0) + 1.0
+        } else {
+            1.0
+        };
+        let values = NAMES.into_iter().zip([damping, averaged, noise]);
         evaluation = values.fold(evaluation, |all, (name, value)| all.with_value(name, value));
-        let gradient = &equations.gradient;
-        let mut unused: Vec<String> = unused.iter().map(|&i| self.paths[i].clone()).collect();
-        unused.dedup();
+        let step: Vec<f64> = step.iter().map(|x| x / averaged).collect();
+        let nothing = unused.len() == self.numbers.len();
+        let moves = |i: usize| nothing || !unused.contains(&i);
         Ok(Evaluated {
             evaluation,
             loss: equations.loss,
-            norm: 2.0 * gradient.iter().map(|g| g * g).sum::<f64>().sqrt(),
-            gradients: gradients(
-                self.module,
-                &step.iter().map(|x| -x / averaged).collect::<Vec<_>>(),
-            ),
-            unused,
+            gradients: gradients(self.module, &step, moves),
         })
     }
 

@@ -7,40 +7,26 @@ use burn::tensor::{Tensor, TensorData};
 use crate::error::Result;
 use crate::geometry::host_values;
 
-/// Returns the trained numbers of a module, and the path of the parameter of each.
-pub(super) fn numbers<M: Module>(module: &M) -> Result<(Vec<f64>, Vec<String>)> {
+/// Returns the trained numbers of a module.
+pub(super) fn numbers<M: Module>(module: &M) -> Result<Vec<f64>> {
     let mut read = Read {
-        path: Vec::new(),
         all: Ok(Vec::new()),
     };
     module.visit(&mut read);
-    Ok(read.all?.into_iter().unzip())
+    read.all
 }
 
 struct Read {
-    path: Vec<String>,
-    all: Result<Vec<(f64, String)>>,
+    all: Result<Vec<f64>>,
 }
 
 impl ModuleVisitor for Read {
-    fn enter_module(&mut self, name: &str, _container_type: &str) {
-        self.path.push(name.into());
-    }
-
-    fn exit_module(&mut self, _name: &str, _container_type: &str) {
-        self.path.pop();
-    }
-
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-        if !is_trained(param) {
-            return;
-        }
-        if let Ok(all) = &mut self.all {
+        if let Ok(all) = &mut self.all
+            && is_trained(param)
+        {
             match host_values(&param.val()) {
-                Ok(values) => {
-                    let path = self.path.join(".");
-                    all.extend(values.into_iter().map(|v| (v, path.clone())));
-                }
+                Ok(values) => all.extend(values),
                 Err(error) => self.all = Err(error),
             }
         }
@@ -79,10 +65,17 @@ fn take<const D: usize>(numbers: &mut &[f64], like: &Tensor<D>) -> Tensor<D> {
     Tensor::from_data(data, (&like.device(), like.dtype()))
 }
 
-/// Returns numbers as the gradients of a module's trained parameters.
-pub(super) fn gradients<M: Module>(module: &M, numbers: &[f64]) -> GradientsParams {
+/// Returns the gradients with which a step of rate 1 moves the trained numbers by `step`. Parameters have none if `moves` is
+/// false for all of their numbers.
+pub(super) fn gradients<M: Module>(
+    module: &M,
+    step: &[f64],
+    moves: impl Fn(usize) -> bool,
+) -> GradientsParams {
     let mut gradients = Gradients {
-        numbers,
+        step,
+        next: 0,
+        moves: &moves,
         all: GradientsParams::new(),
     };
     module.visit(&mut gradients);
@@ -90,15 +83,21 @@ pub(super) fn gradients<M: Module>(module: &M, numbers: &[f64]) -> GradientsPara
 }
 
 struct Gradients<'a> {
-    numbers: &'a [f64],
+    step: &'a [f64],
+    next: usize,
+    moves: &'a dyn Fn(usize) -> bool,
     all: GradientsParams,
 }
 
 impl ModuleVisitor for Gradients<'_> {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         if is_trained(param) {
-            let own = take(&mut self.numbers, &param.val());
-            self.all.register(param.id, own);
+            let own = take(&mut self.step, &param.val());
+            let own_numbers = self.next..self.next + own.shape().num_elements();
+            self.next = own_numbers.end;
+            if own_numbers.into_iter().any(self.moves) {
+                self.all.register(param.id, -own);
+            }
         }
     }
 }

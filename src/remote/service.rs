@@ -1,0 +1,430 @@
+//! The server: renders and gradients as operations of burn's server.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use burn::backend::ir::{BackendIr, CustomOpIr, HandleContainer, TensorIr};
+use burn::backend::{BackendTensor, DispatchDevice, DispatchKindConversion, DispatchTensor};
+use burn::server::RemoteServer;
+use burn::tensor::{DType, Device, Int, Shape, Tensor};
+
+use crate::error::{Error, Result};
+use crate::render::remote::bounded::Bounded;
+use crate::render::remote::message::{
+    Call, Counts, Failure, GRADIENT, INPUTS, PROTOCOL, RENDER, Received, VERSION, receive,
+};
+use crate::render::remote::words::{Hash, decode, encode, hash, malformed, pack, tensor};
+use crate::render::{HierarchyCache, Means, means};
+use crate::scene::slots::Topology;
+
+/// The operations of a server that renders, and their limits.
+///
+/// One service may be added to several servers of a process. Clients share its memory, but see nothing of each other.
+///
+/// ```no_run
+/// use softray::burn::server::{RemoteServer, TokenAuthorizer, WebSocketTransport};
+/// use softray::burn::tensor::Device;
+/// use softray::remote::RenderService;
+///
+/// let device = Device::flex();
+/// let listener = std::net::TcpListener::bind("127.0.0.1:3000")?;
+/// let server = RemoteServer::new([device.clone()]).with_authorizer(TokenAuthorizer::new("a secret")?);
+/// let server = RenderService::new().add_to(server, &device)?;
+/// server.serve(WebSocketTransport::from_listener(listener)).expect("a server");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone)]
+pub struct RenderService(Arc<State>);
+
+#[derive(Clone, Copy)]
+struct Limits {
+    pixels: u64,
+    samples: u64,
+    memory: u64,
+}
+
+struct State {
+    limits: Limits,
+    topologies: Mutex<Bounded<Hash, Arc<Topology>>>,
+    caches: Mutex<Bounded<u64, HierarchyCache>>,
+    forward: Mutex<Bounded<u64, Forward>>,
+}
+
+/// A forward pass that waits for its backward pass: the rows, and the tensors whose gradient is the result.
+#[derive(Clone)]
+struct Forward {
+    rows: Tensor<2>,
+    leaves: Vec<Tensor<1>>,
+}
+
+impl Default for RenderService {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl RenderService {
+    /// The most bytes of faces that are kept between renders.
+    const TOPOLOGIES: usize = 1 << 28;
+    /// The most caches of clients.
+    const CACHES: usize = 16;
+
+    /// A service with the default limits: 2²⁶ pixels and 2³⁶ samples a render, 4 GB of images, 8 forward passes kept.
+    pub fn new() -> Self {
+        Self::with_limits(
+            Limits {
+                pixels: 1 << 26,
+                samples: 1 << 36,
+                memory: 4 << 30,
+            },
+            8,
+        )
+    }
+
+    fn with_limits(limits: Limits, kept: usize) -> Self {
+        Self(Arc::new(State {
+            limits,
+            topologies: Mutex::new(Bounded::new(Self::TOPOLOGIES)),
+            caches: Mutex::new(Bounded::new(Self::CACHES)),
+            forward: Mutex::new(Bounded::new(kept)),
+        }))
+    }
+
+    fn kept(&self) -> usize {
+        lock(&self.0.forward).limit()
+    }
+
+    /// Limits the number of pixels of a render, over all of its views.
+    pub fn with_max_pixels(self, pixels: u64) -> Self {
+        let limits = Limits {
+            pixels,
+            ..self.0.limits
+        };
+        Self::with_limits(limits, self.kept())
+    }
+
+    /// Limits the number of samples of a render, over all pixels of all of its views.
+    pub fn with_max_samples(self, samples: u64) -> Self {
+        let limits = Limits {
+            samples,
+            ..self.0.limits
+        };
+        Self::with_limits(limits, self.kept())
+    }
+
+    /// Limits the memory of the images of a render, in bytes, below the limit of the client's options.
+    pub fn with_memory_limit(self, bytes: u64) -> Self {
+        let limits = Limits {
+            memory: bytes,
+            ..self.0.limits
+        };
+        Self::with_limits(limits, self.kept())
+    }
+
+    /// Sets the number of forward passes that are kept for their backward passes, over all clients. A backward pass
+    /// whose forward pass was dropped repeats it first.
+    pub fn with_kept(self, forward_passes: usize) -> Self {
+        Self::with_limits(self.0.limits, forward_passes)
+    }
+
+    /// Adds the operations to a server of devices like this one: Flex or CubeCL's GPUs.
+    ///
+    /// # Errors
+    /// If the device is of another backend.
+    pub fn add_to(&self, server: RemoteServer, device: &Device) -> Result<RemoteServer> {
+        match device.clone().inner().as_dispatch() {
+            #[cfg(feature = "flex")]
+            DispatchDevice::Flex(_) => Ok(self.add::<burn::backend::Flex>(server)),
+            #[cfg(feature = "gpu")]
+            DispatchDevice::Cube(_) => Ok(self.add::<burn::backend::Cube>(server)),
+            _ => {
+                let message = "a server renders on flex and on GPUs";
+                Err(Error::device(crate::device::label(device), message))
+            }
+        }
+    }
+
+    fn add<B: BackendIr>(&self, server: RemoteServer) -> RemoteServer
+    where
+        DispatchTensor: DispatchKindConversion<B>,
+    {
+        let [render, gradient] = [self.0.clone(), self.0.clone()];
+        server
+            .with_custom_op::<B, _>(VERSION, |handles, operation, _| {
+                let words = int::<B>(handles, &operation.inputs[0]);
+                put_int::<B>(
+                    handles,
+                    &operation.outputs[0],
+                    vec![PROTOCOL],
+                    &words.device(),
+                );
+            })
+            .with_custom_op::<B, _>(RENDER, move |handles, operation, _| {
+                answer::<B>(handles, operation, |inputs| render.render(inputs));
+            })
+            .with_custom_op::<B, _>(GRADIENT, move |handles, operation, _| {
+                answer::<B>(handles, operation, |inputs| gradient.gradient(inputs));
+            })
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The inputs of an operation, and the shapes of its outputs.
+struct Inputs {
+    words: [Tensor<1, Int>; INPUTS],
+    tensors: Vec<DispatchTensor>,
+    /// The shape of the result, which the client expects.
+    expected: Shape,
+}
+
+/// The result of an operation, and the words after the one for success.
+type Answer = (DispatchTensor, Vec<u32>);
+
+/// Runs an operation. Its outputs are registered whatever happens, since the client's session would end otherwise.
+fn answer<B: BackendIr>(
+    handles: &mut HandleContainer<B::Handle>,
+    operation: &CustomOpIr,
+    run: impl FnOnce(Inputs) -> Result<Answer>,
+) where
+    DispatchTensor: DispatchKindConversion<B>,
+{
+    let (words, floats) = operation
+        .inputs
+        .split_at(INPUTS.min(operation.inputs.len()));
+    let words: Vec<Tensor<1, Int>> = words.iter().map(|t| int::<B>(handles, t)).collect();
+    let float = |tensor: &TensorIr| {
+        let own = BackendTensor::Float(handles.get_float_tensor::<B>(tensor));
+        <DispatchTensor as DispatchKindConversion<B>>::from_backend(own)
+    };
+    let tensors: Vec<DispatchTensor> = floats.iter().map(float).collect();
+    let [result, success, message] = &operation.outputs[..] else {
+        log::error!("an operation of {} outputs", operation.outputs.len());
+        return;
+    };
+    let Some(device) = words.first().map(Tensor::device) else {
+        log::error!("an operation without inputs");
+        return;
+    };
+    let expected = result.shape.clone();
+    let run = || {
+        let words = words.try_into();
+        let words = words.map_err(|_| malformed("too few inputs"))?;
+        run(Inputs {
+            words,
+            tensors,
+            expected,
+        })
+    };
+    let answered = catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|panic| {
+        let text = text_of(&*panic);
+        Err(Error::device(
+            "",
+            format!("it failed in the program: {text}"),
+        ))
+    });
+    let room = success.shape.num_elements();
+    let (rows, mut words, failure) = match answered {
+        Ok((rows, mut words)) => {
+            words.insert(0, 0);
+            (rows, words, Vec::new())
+        }
+        Err(error) => {
+            log::warn!("an operation failed: {error}");
+            // The client takes no image of a failed render. Of a gradient it takes this.
+            let count = if operation.id == GRADIENT {
+                result.shape.num_elements()
+            } else {
+                1
+            };
+            let none = Tensor::<1>::full([count], f32::NAN, (&device, result.dtype));
+            let failure = encode(&Failure::new(error)).unwrap_or_default();
+            (none.into_dispatch(), vec![1], pack(&failure))
+        }
+    };
+    let rows = <DispatchTensor as DispatchKindConversion<B>>::try_into_backend(rows);
+    if let Ok(BackendTensor::Float(rows)) = rows {
+        handles.register_float_tensor::<B>(&result.id, rows);
+    }
+    words.resize(room, 0);
+    put_int::<B>(handles, success, words, &device);
+    let mut failure = failure;
+    failure.resize(message.shape.num_elements(), 0);
+    put_int::<B>(handles, message, failure, &device);
+}
+
+fn text_of(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
+    text.unwrap_or("no message").to_owned()
+}
+
+fn int<B: BackendIr>(handles: &mut HandleContainer<B::Handle>, of: &TensorIr) -> Tensor<1, Int>
+where
+    DispatchTensor: DispatchKindConversion<B>,
+{
+    Tensor::from_primitive::<B>(handles.get_int_tensor::<B>(of))
+}
+
+fn put_int<B: BackendIr>(
+    handles: &mut HandleContainer<B::Handle>,
+    output: &TensorIr,
+    words: Vec<u32>,
+    device: &Device,
+) where
+    DispatchTensor: DispatchKindConversion<B>,
+{
+    match tensor(words, device).try_into_primitive::<B>() {
+        Ok(words) => handles.register_int_tensor::<B>(&output.id, words),
+        Err(error) => log::error!("a tensor of another device: {error:?}"),
+    }
+}
+
+fn words_of(tensor: &Tensor<1, Int>) -> Result<Vec<u32>> {
+    let data = tensor.clone().try_into_data().map_err(Error::read)?;
+    let data = data.convert_dtype(DType::I32);
+    let words = data.as_slice::<i32>().map_err(Error::read)?;
+    Ok(words.iter().map(|&word| word as u32).collect())
+}
+
+impl State {
+    fn received(&self, inputs: &Inputs, tensors: Vec<DispatchTensor>) -> Result<(Call, Received)> {
+        let [call, lists, scenes, views] = &inputs.words;
+        let call: Call = decode(&words_of(call)?)?;
+        let known = lock(&self.topologies).get(&call.topology);
+        let topology = match known {
+            Some(topology) => topology,
+            None => {
+                let words = words_of(lists)?;
+                let topology = Topology::of_words(&words).ok_or_else(|| malformed("faces"))?;
+                let topology = Arc::new(topology);
+                // The name is not taken from the client, whose lists must not replace another client's.
+                lock(&self.topologies).insert(hash(&words), topology.clone(), 4 * words.len());
+                topology
+            }
+        };
+        let parts = [words_of(scenes)?, words_of(views)?];
+        let mut received = receive(&call, topology, [&parts[0], &parts[1]], tensors)?;
+        if let Some(id) = call.cache {
+            let mut caches = lock(&self.caches);
+            let cache = caches.get(&id).unwrap_or_default();
+            caches.insert(id, cache.clone(), 1);
+            received.options = received.options.with_cache(&cache);
+        }
+        received.options.memory_limit = received.options.memory_limit.min(self.limits.memory);
+        self.check(&received)?;
+        Ok((call, received))
+    }
+
+    fn check(&self, received: &Received) -> Result<()> {
+        let Received {
+            batch,
+            options,
+            pixels,
+            ..
+        } = received;
+        let of_view = match pixels {
+            Some(pixels) => pixels.len() as u64,
+            None => (options.width as u64).saturating_mul(options.height as u64),
+        };
+        let pixels = of_view.saturating_mul(batch.len() as u64);
+        let samples = pixels.saturating_mul(options.samples.into());
+        let limits = [
+            ("pixels", pixels, self.limits.pixels),
+            ("samples", samples, self.limits.samples),
+        ];
+        for (field, found, limit) in limits {
+            if found > limit {
+                let expected = format!("at most {limit}, the limit of the server");
+                return Err(Error::invalid("render", field, found, expected));
+            }
+        }
+        Ok(())
+    }
+
+    /// Renders. Returns the rows with as many channels as the client expects, and the counts.
+    fn forward(&self, received: Received, expected: &Shape) -> Result<(Forward, Vec<u32>)> {
+        let Received {
+            batch,
+            options,
+            pixels,
+            leaves,
+        } = received;
+        let [rows, channels] = expected.to_vec()[..] else {
+            return Err(malformed("the shape of the result"));
+        };
+        let Means {
+            mean,
+            statistics,
+            diagnostics,
+            ..
+        } = means(&batch, &options, pixels)?;
+        let [own_rows, own] = mean.dims();
+        if own_rows != rows || own > channels {
+            return Err(malformed("the shape of the result"));
+        }
+        // The weights of objects without faces, before that of the background.
+        let mean = match channels - own {
+            0 => mean,
+            missing => {
+                let on = (&mean.device().inner(), mean.dtype());
+                let none = Tensor::zeros([rows, missing], on);
+                let none = if mean.is_tracked() {
+                    none.autodiff()
+                } else {
+                    none
+                };
+                let background = mean.clone().narrow(1, own - 1, 1);
+                Tensor::cat(vec![mean.narrow(1, 0, own - 1), none, background], 1)
+            }
+        };
+        let counts = Counts {
+            statistics,
+            diagnostics,
+        };
+        let forward = Forward { rows: mean, leaves };
+        Ok((forward, pack(&encode(&counts)?)))
+    }
+
+    fn render(&self, mut inputs: Inputs) -> Result<Answer> {
+        let tensors = std::mem::take(&mut inputs.tensors);
+        let (call, received) = self.received(&inputs, tensors)?;
+        let (forward, counts) = self.forward(received, &inputs.expected)?;
+        let rows = forward.rows.clone().inner().into_dispatch();
+        if forward.rows.is_tracked() {
+            lock(&self.forward).insert(call.id, forward, 1);
+        }
+        Ok((rows, counts))
+    }
+
+    fn gradient(&self, mut inputs: Inputs) -> Result<Answer> {
+        let mut tensors = std::mem::take(&mut inputs.tensors);
+        let upstream = tensors.pop().ok_or_else(|| malformed("no gradient"))?;
+        let upstream = Tensor::<2>::from_dispatch(upstream);
+        let call: Call = decode(&words_of(&inputs.words[0])?)?;
+        let kept = lock(&self.forward).remove(&call.id);
+        let Forward { rows, leaves } = match kept {
+            Some(kept) => kept,
+            None => {
+                let (_, received) = self.received(&inputs, tensors)?;
+                let shape = Shape::from(upstream.dims());
+                self.forward(received, &shape)?.0
+            }
+        };
+        if rows.dims() != upstream.dims() {
+            return Err(malformed("the shape of the gradient"));
+        }
+        // Its derivative with respect to the rows is exactly `upstream`.
+        let loss = (rows * upstream.autodiff()).sum();
+        let gradients = loss.backward();
+        let of_leaf = |leaf: &Tensor<1>| {
+            let gradient = leaf.grad(&gradients);
+            gradient.unwrap_or_else(|| leaf.clone().inner().zeros_like())
+        };
+        let gradient = Tensor::cat(leaves.iter().map(of_leaf).collect(), 0);
+        Ok((gradient.into_dispatch(), Vec::new()))
+    }
+}
