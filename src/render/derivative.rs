@@ -111,9 +111,9 @@ fn images(means: Tensor<3>, options: &RenderOptions) -> ImageDerivative {
     let values = means.clone().narrow(0, count - 1, 1);
     let tangents = means.narrow(0, 0, count - 1);
     let of = |mean: Tensor<3>, outputs: Outputs| {
-        let views = mean.dims()[0];
+        let [views, pixels, channels] = mean.dims();
         let means = Means {
-            mean,
+            mean: mean.reshape([views * pixels, channels]),
             objects: 0,
             statistics: vec![Statistics::default(); views],
             diagnostics: Vec::new(),

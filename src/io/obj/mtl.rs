@@ -302,6 +302,7 @@ fn texture_name(mut rest: &str) -> (&str, Vec<[&str; 2]>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::io::LoadLimits;
 
     #[test]
     fn options_of_textures() {

@@ -227,8 +227,8 @@ impl<M: Module> Run<M> {
         if !norm.is_finite() {
             return Err(not_finite("the gradient", norm, index));
         }
-        if !unused.is_empty() && first {
-            self.progress.warn(Warning::Unused(unused));
+        if !missing.is_empty() && first {
+            self.progress.warn(Warning::Unused(missing));
         }
         let rate = self.fit.rate.at(index, steps);
         let row = Row {
