@@ -177,7 +177,7 @@ fn one_and_two(servers: &[Server; 2]) {
     for samples in [16, 64] {
         let mut ratios = Vec::new();
         let mut last = 0.0;
-        for _ in 0..5 {
+        for _ in 0..3 {
             last = fit(&both[..1], samples);
             ratios.push(fit(&both, samples) / last);
         }

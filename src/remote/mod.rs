@@ -11,6 +11,8 @@
 //! - Warnings of likely mistakes appear in the server's log, and progress is reported once, at the end.
 
 #[cfg(feature = "remote-server")]
+mod operation;
+#[cfg(feature = "remote-server")]
 mod service;
 
 use burn::tensor::Device;

@@ -1,6 +1,7 @@
 use burn::tensor::Tensor;
 
 use super::Parameter;
+use super::lens::ThinLens;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, detached};
 
@@ -46,16 +47,6 @@ pub enum Projection {
         /// Height of the image, in scene units, > 0.
         height: Parameter<1>,
     },
-}
-
-/// A thin lens. It requires a perspective projection. [`CameraParams`](crate::modules::CameraParams) has an example.
-#[derive(Clone, Debug)]
-#[cfg_attr(feature = "remote", derive(serde::Serialize, serde::Deserialize))]
-pub struct ThinLens {
-    /// Radius of the aperture, in scene units, ≥ 0.
-    pub aperture_radius: Parameter<1>,
-    /// Distance of the plane in focus along the view axis, in scene units, > 0.
-    pub focus_distance: Parameter<1>,
 }
 
 impl Camera {

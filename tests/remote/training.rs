@@ -103,9 +103,9 @@ mod learner {
     use super::*;
 
     /// Directions of views, and the device of their scenes.
-    type Views = (Vec<f64>, Device);
+    pub type Views = (Vec<f64>, Device);
 
-    struct Loss(Tensor<1>);
+    pub struct Loss(Tensor<1>);
 
     impl Adaptor<LossInput> for Loss {
         fn adapt(&self) -> LossInput {
