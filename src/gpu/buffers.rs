@@ -11,7 +11,8 @@ use rayon::prelude::*;
 use crate::cube::*;
 
 use super::device::{List, launch};
-use super::made::{make_lists, make_nodes};
+use super::made::make_lists;
+use super::nodes::make_nodes;
 
 /// Number of words in a block.
 const BLOCK: usize = 1024;

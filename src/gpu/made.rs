@@ -1,41 +1,15 @@
 //! Lists that the device makes from vertices and from data that stays the same while vertices move: triangles for
 //! paths, triangles for rays, edges, the edges in leaves of trees, and the nodes of trees over triangles.
 
-use crate::accel::{
-    CHILD, CHILDREN, LANES, LEAF as IS_LEAF, OF_NODE, OTHERS, ROUNDING, hit_stride,
-};
+use super::nodes::{make_part, tree_at};
+use super::vertices::{At, OF_SCENE, between, lists_at, read, velocity, vertex, write};
+use crate::accel::{LANES, ROUNDING, hit_stride};
 use crate::cube::*;
 use crate::kernel::{LEAF, put_edge};
 use crate::model::edge_weight::{Jumps, SeenEdge};
 use crate::model::triangle::{NUMBERS, has_area};
 use crate::model::{V3, splat, v3};
 use crate::trace::{CLOSED, HEADER, HeaderWord, NONE, OF_EDGE, ROWS_OF_EDGE, TRIANGLE};
-
-/// Number of words of a scene in the table: its first thread, the view whose header stores where its lists begin, the
-/// numbers of triangles, triangles for rays, edges, edges of meshes among these, places in leaves, and parts of the
-/// first level of its tree. Then come the starts of the tree's lists ([`GpuTree`](crate::accel::GpuTree)): children, the
-/// nodes, starts and levels of parts, and the number of levels.
-pub(super) const OF_SCENE: usize = 13;
-const TREE: usize = 8;
-
-/// The starts of a scene's lists in the buffers.
-#[derive(CubeType, Clone, Copy)]
-#[expand(derive(Clone, Copy))]
-struct At {
-    vertices: u32,
-    rows: u32,
-    triangles: u32,
-    velocities: u32,
-    edges: u32,
-    of_edges: u32,
-    kinds: u32,
-    creases: u32,
-    crossings: u32,
-    /// Number of edges of meshes.
-    meshes: u32,
-    #[cube(comptime)]
-    moves: bool,
-}
 
 /// A triangle, computed from its vertices.
 #[apply(record!)]
@@ -52,36 +26,6 @@ struct Face {
     area: f32,
     /// Whether it has area.
     valid: bool,
-}
-
-/// Reads three numbers of a list that the kernel also writes.
-#[cube]
-fn read(floats: &mut [f32], at: u32) -> V3 {
-    let i = at as usize;
-    v3(floats[i], floats[i + 1], floats[i + 2])
-}
-
-#[cube]
-fn write(floats: &mut [f32], at: u32, v: V3) {
-    let i = at as usize;
-    floats[i] = v.x;
-    floats[i + 1] = v.y;
-    floats[i + 2] = v.z;
-}
-
-/// Returns the position of a vertex, rounded to f32. Each coordinate is stored as a sum of two numbers: the rounded
-/// value and a remainder.
-#[cube]
-fn vertex(floats: &mut [f32], at: At, row: u32) -> V3 {
-    read(floats, at.vertices + 6 * row)
-}
-
-/// Returns the vector from one vertex to another, computed from both numbers of each coordinate.
-#[cube]
-fn between(floats: &mut [f32], at: At, from: u32, to: u32) -> V3 {
-    let (from, to) = (at.vertices + 6 * from, at.vertices + 6 * to);
-    let coarse = read(floats, to) - read(floats, from);
-    coarse + (read(floats, to + 3) - read(floats, from + 3))
 }
 
 #[cube]
@@ -118,17 +62,6 @@ fn face(floats: &mut [f32], words: &[u32], at: At, triangle: u32) -> Face {
         area: select(valid, area, 0.0),
         valid,
     }
-}
-
-/// Returns the displacement of a triangle over the shutter time.
-#[cube]
-fn velocity(floats: &mut [f32], words: &[u32], at: At, triangle: u32) -> V3 {
-    let mut v = splat(0.0);
-    if comptime!(at.moves) {
-        let object = words[(at.triangles + TRIANGLE * triangle) as usize + 1];
-        v = read(floats, at.velocities + 3 * object);
-    }
-    v
 }
 
 /// Writes a triangle for paths ([`Triangle`](crate::model::triangle::Triangle)).
@@ -237,165 +170,6 @@ fn make_lane(floats: &mut [f32], words: &[u32], at: At, leaves: u32, lane: u32, 
             jumps: Jumps::of_kind(kind % CLOSED, crease, kind >= CLOSED),
         };
         put_edge(floats, to as usize, &seen, v);
-    }
-}
-
-/// The starts of a tree's lists in the buffers.
-#[derive(CubeType, Clone, Copy)]
-#[expand(derive(Clone, Copy))]
-struct TreeAt {
-    nodes: u32,
-    triangles: u32,
-    children: u32,
-    /// The nodes, starts and levels of its parts.
-    in_parts: u32,
-    starts: u32,
-    levels: u32,
-    level_count: u32,
-}
-
-#[cube]
-fn tree_at(words: &[u32], scene: u32) -> TreeAt {
-    let header = words[scene as usize + 1] as usize * HEADER;
-    let tree = scene as usize + TREE;
-    TreeAt {
-        nodes: words[header + comptime!(HeaderWord::nodes as usize)],
-        triangles: words[header + comptime!(HeaderWord::hit_numbers as usize)],
-        children: words[tree],
-        in_parts: words[tree + 1],
-        starts: words[tree + 2],
-        levels: words[tree + 3],
-        level_count: words[tree + 4],
-    }
-}
-
-/// A box, by its lower and its upper corner.
-#[apply(record!)]
-struct Around {
-    low: V3,
-    high: V3,
-}
-
-#[cube]
-fn nothing() -> Around {
-    Around {
-        low: splat(f32::MAX),
-        high: splat(-f32::MAX),
-    }
-}
-
-/// Returns the box around a box and a triangle over the shutter time.
-#[cube]
-fn with_triangle(
-    floats: &mut [f32],
-    words: &[u32],
-    at: At,
-    triangle: u32,
-    mut around: Around,
-) -> Around {
-    let v = velocity(floats, words, at, triangle);
-    for corner in 0..3u32 {
-        let row = words[(at.rows + 3 * triangle + corner) as usize];
-        let p = vertex(floats, at, row);
-        around.low = around.low.min(p).min(p + v);
-        around.high = around.high.max(p).max(p + v);
-    }
-    around
-}
-
-/// Returns three numbers of a node, one for each axis.
-#[cube]
-fn of_axes(floats: &mut [f32], first: u32) -> V3 {
-    let i = first as usize;
-    v3(floats[i], floats[i + 4], floats[i + 8])
-}
-
-#[cube]
-fn set_of_axes(floats: &mut [f32], first: u32, v: V3) {
-    let i = first as usize;
-    floats[i] = v.x;
-    floats[i + 4] = v.y;
-    floats[i + 8] = v.z;
-}
-
-/// Writes a node: the boxes of both children, around the triangles of leaves and the boxes of nodes, and the children.
-#[cube]
-fn make_node(floats: &mut [f32], words: &[u32], at: At, tree: TreeAt, node: u32) {
-    let to = tree.nodes + OF_NODE * node;
-    for side in 0..2u32 {
-        let child = words[(tree.children + 2 * node + side) as usize];
-        let mut around = nothing();
-        if child < IS_LEAF {
-            let below = tree.nodes + 4 * (child - CHILD);
-            around.low = of_axes(floats, below).min(of_axes(floats, below + 1));
-            around.high = of_axes(floats, below + 2).max(of_axes(floats, below + 3));
-        } else {
-            let mut place = tree.triangles + (child & comptime!((1u32 << OTHERS) - 1));
-            let past = place + ((child >> OTHERS) & 3) + 1;
-            while place < past {
-                let triangle = words[place as usize];
-                around = with_triangle(floats, words, at, triangle, around);
-                place += 1;
-            }
-        }
-        set_of_axes(floats, to + side, around.low);
-        set_of_axes(floats, to + 2 + side, around.high);
-        floats[(to + CHILDREN + side) as usize] = f32::from_bits(child);
-    }
-}
-
-#[cube]
-fn make_part(floats: &mut [f32], words: &[u32], at: At, tree: TreeAt, part: u32) {
-    let mut k = words[(tree.starts + part) as usize];
-    let past = words[(tree.starts + part) as usize + 1];
-    while k < past {
-        let node = words[(tree.in_parts + k) as usize];
-        make_node(floats, words, at, tree, node);
-        k += 1;
-    }
-}
-
-#[cube]
-fn lists_at(words: &[u32], scene: u32, #[comptime] moves: bool) -> At {
-    let header = words[scene as usize + 1] as usize * HEADER;
-    At {
-        vertices: words[header + comptime!(HeaderWord::vertices as usize)],
-        rows: words[header + comptime!(HeaderWord::vertex_rows as usize)],
-        triangles: words[header + comptime!(HeaderWord::triangles as usize)],
-        velocities: words[header + comptime!(HeaderWord::velocities as usize)],
-        edges: words[header + comptime!(HeaderWord::edges as usize)],
-        of_edges: words[header + comptime!(HeaderWord::of_edges as usize)],
-        kinds: words[header + comptime!(HeaderWord::edge_kinds as usize)],
-        creases: words[header + comptime!(HeaderWord::creases as usize)],
-        crossings: words[header + comptime!(HeaderWord::crossings as usize)],
-        meshes: words[scene as usize + 5],
-        moves,
-    }
-}
-
-/// Makes the nodes of a level of all scenes' trees, with `most` threads for each scene. Each thread makes one part.
-#[cube(launch)]
-pub(super) fn make_nodes(
-    floats: &mut [f32],
-    words: &[u32],
-    table: u32,
-    scenes: u32,
-    level: u32,
-    most: u32,
-    #[comptime] moves: bool,
-) {
-    let index = ABSOLUTE_POS as u32;
-    if index < scenes * most {
-        let scene = table + index / most * OF_SCENE as u32;
-        let tree = tree_at(words, scene);
-        if level < tree.level_count {
-            let first = (tree.levels + level) as usize;
-            let part = words[first] + index % most;
-            if part < words[first + 1] {
-                let at = lists_at(words, scene, moves);
-                make_part(floats, words, at, tree, part);
-            }
-        }
     }
 }
 

@@ -23,6 +23,7 @@ pub(super) struct EdgeTree {
     leaves: Vec<f32>,
     edges: Vec<u32>,
     of_leaves: Vec<Bounds>,
+    of_nodes: Vec<Bounds>,
     moves: bool,
 }
 
@@ -67,7 +68,8 @@ impl Division {
     fn update(&mut self, source: &EdgeList, list: &[u32]) {
         let is = |(&i, &name): (&u32, &[u32; 2])| source.edges.name(i) == name;
         let same = self.names.len() == list.len() && list.par_iter().zip(&self.names).all(is);
-        if !same || self.cost_of(source, list) > 1.5 * self.cost {
+        let moved = || list.par_iter().any(|&i| source.edges.changed[i as usize]);
+        if !same || moved() && self.cost_of(source, list) > 1.5 * self.cost {
             *self = Self::new(source, list);
         }
     }
@@ -174,7 +176,7 @@ impl EdgeTree {
             edges[..list.len()].copy_from_slice(list);
             let before = last.edges.get(LANES * leaf..LANES * (leaf + 1));
             if before == Some(&*edges) && !list.iter().any(|&i| source.edges.changed[i as usize]) {
-                return last.of_leaves[leaf];
+                return (last.of_leaves[leaf], false);
             }
             seen.clear();
             seen.extend(list.iter().map(|&i| source.seen(i)));
@@ -184,17 +186,31 @@ impl EdgeTree {
                     put_edge(block, i, edge, *velocity);
                 }
             }
-            Bounds::new(seen)
+            (Bounds::new(seen), true)
         });
-        let of_leaves: Vec<Bounds> = of_leaves.collect();
-        let mut nodes = vec![0.0; LANES * NODE * shape.nodes.len()];
-        let mut of_nodes = vec![Bounds::new(&[]); shape.nodes.len()];
+        let (of_leaves, new_leaves): (Vec<Bounds>, Vec<bool>) = of_leaves.unzip();
+        let all = shape.nodes.concat();
+        let mut nodes = std::mem::take(&mut last.nodes);
+        let (mut of_nodes, mut new_nodes) = (last.of_nodes, vec![false; shape.nodes.len()]);
+        if last.children != all {
+            nodes = vec![0.0; LANES * NODE * shape.nodes.len()];
+            of_nodes = vec![Bounds::new(&[]); shape.nodes.len()];
+            new_nodes.fill(true);
+        }
         let mut parts = Vec::with_capacity(LANES);
         // Children come after their parents.
         let blocks = nodes.chunks_mut(LANES * NODE).zip(&shape.nodes);
         for (at, (block, children)) in blocks.enumerate().rev() {
+            let children = children.iter().enumerate().filter(|(_, c)| **c != NONE);
+            let is_new = |(_, &child): (usize, &u32)| {
+                [&new_nodes, &new_leaves][child as usize % 2][child as usize / 2]
+            };
+            new_nodes[at] |= children.clone().any(is_new);
+            if !new_nodes[at] {
+                continue;
+            }
             parts.clear();
-            for (i, &child) in children.iter().enumerate().filter(|(_, c)| **c != NONE) {
+            for (i, &child) in children {
                 let list = [&of_nodes, &of_leaves][child as usize % 2];
                 let own = list[child as usize / 2];
                 set(block, i, own.subtree().numbers());
@@ -204,10 +220,11 @@ impl EdgeTree {
         }
         Self {
             nodes,
-            children: shape.nodes.concat(),
+            children: all,
             leaves,
             edges,
             of_leaves,
+            of_nodes,
             moves: source.scene.velocities.is_some(),
         }
     }
