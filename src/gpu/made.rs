@@ -9,7 +9,7 @@ use crate::kernel::{LEAF, put_edge};
 use crate::model::edge_weight::{Jumps, SeenEdge};
 use crate::model::triangle::{NUMBERS, has_area};
 use crate::model::{V3, splat, v3};
-use crate::trace::{CLOSED, HEADER, HeaderWord, NONE, OF_EDGE, ROWS_OF_EDGE, TRIANGLE};
+use crate::trace::{CLOSED, HEADER, HeaderWord, NONE, OF_EDGE, ROWS_OF_EDGE};
 
 /// A triangle, computed from its vertices.
 #[apply(record!)]
