@@ -1,41 +1,55 @@
-//! The tree that GPUs traverse: nodes with two boxes each.
+//! The tree that GPUs traverse: nodes with two boxes each. The device computes the boxes from vertices.
 
 use std::ops::Range;
 
-use glam::Vec3A;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
-use rayon::prelude::*;
 
 use super::triangle::HostTriangle;
 
-/// A tree of nodes that store the boxes of both children.
-#[derive(Clone, Default)]
+/// The shape of a tree of nodes that store the boxes of both children. It stays the same while triangles move.
+#[derive(Default)]
 pub(crate) struct GpuTree {
-    /// The root comes first, and children come after their parents.
-    pub nodes: Vec<Node>,
+    /// The children of each node. The root comes first, and a node is directly followed by all nodes below it.
+    pub nodes: Vec<[Child; 2]>,
     /// The indices of triangles, leaf by leaf.
     pub triangles: Vec<u32>,
     /// The largest number of nodes that a traversal must store.
     pub depth: usize,
+    pub parts: Parts,
 }
 
-/// Sixteen numbers, which a GPU loads by four. For each axis, these are the lower corners of both boxes and then the
-/// upper ones. The bits of the next two numbers are the children, and the last two are unused.
-type Node = [f32; 16];
+/// The number of numbers of a node, which a GPU loads by four. For each axis, these are the lower corners of both boxes
+/// and then the upper ones. The bits of the next two numbers are the children, and the last two are unused.
+pub(crate) const OF_NODE: u32 = 16;
+
+/// Connected parts of a tree, for each of which one thread computes the boxes. They are ordered by levels: boxes of a
+/// level depend only on boxes of the same part and of earlier levels.
+#[derive(Default)]
+pub(crate) struct Parts {
+    /// All nodes, part by part, children before their parents.
+    pub nodes: Vec<u32>,
+    /// The place in `nodes` at which each part begins, and the end.
+    pub starts: Vec<u32>,
+    /// The first part of each level, and the end.
+    pub levels: Vec<u32>,
+}
+
+/// The largest number of nodes in a part.
+const OF_PART: u32 = 64;
 
 /// The largest number of triangles in a leaf. A thread tests them one by one.
 const OF_LEAF: usize = 4;
 /// The first quadruple of numbers of a child that is a node, with the bit [`CHILD`]. For a leaf, it is its first
 /// triangle, with the bits [`CHILD`] and [`LEAF`], and the number of its other triangles from bit [`OTHERS`] on.
-type Child = u32;
+pub(crate) type Child = u32;
 /// Marks a child. As a float it is then a normal number, whose bits no device changes.
 pub(crate) const CHILD: u32 = 1 << 30;
 /// Marks a child that is a leaf.
 pub(crate) const LEAF: u32 = 1 << 31;
 pub(crate) const OTHERS: u32 = 28;
-/// The place of the first child in a node.
-const CHILDREN: usize = 12;
+/// The place of the first child among the numbers of a node.
+pub(crate) const CHILDREN: u32 = 12;
 
 /// Returns the number of values of a triangle for intersection with rays.
 pub(crate) const fn hit_stride(moves: bool) -> u32 {
@@ -54,34 +68,8 @@ impl GpuTree {
             }
             None => tree.triangles = (0..triangles.len() as u32).collect(),
         }
-        tree.fit(triangles, |_| true);
+        tree.parts = Parts::new(&tree.nodes);
         tree
-    }
-
-    /// Refits the boxes to the triangles that `moved`.
-    pub(super) fn fit(&mut self, triangles: &[HostTriangle], moved: impl Fn(u32) -> bool + Sync) {
-        let list = &self.triangles;
-        self.nodes.par_iter_mut().for_each(|node| {
-            for side in 0..2 {
-                let Some(range) = leaf(child(node, side)) else {
-                    continue;
-                };
-                let leaf = &list[range];
-                if leaf.iter().any(|&k| moved(k)) {
-                    let boxes = leaf.iter().map(|&k| triangles[k as usize].swept());
-                    set(node, side, boxes.fold(Aabb::INVALID, |a, b| a.union(&b)));
-                }
-            }
-        });
-        for index in (0..self.nodes.len()).rev() {
-            for side in 0..2 {
-                let below = child(&self.nodes[index], side);
-                if below & LEAF == 0 {
-                    let both = whole(&self.nodes[(below - CHILD) as usize / 4]);
-                    set(&mut self.nodes[index], side, both);
-                }
-            }
-        }
     }
 
     fn add(&mut self, tree: &Bvh2, triangles: &[HostTriangle], at: usize, depth: usize) -> Child {
@@ -114,40 +102,100 @@ impl GpuTree {
         self.set_children(index, children)
     }
 
-    /// Adds a node; its children and their boxes are set later.
+    /// Adds a node, whose children are set later.
     fn add_node(&mut self) -> usize {
-        self.nodes.push([0.0; 16]);
+        self.nodes.push([0; 2]);
         self.nodes.len() - 1
     }
 
     fn set_children(&mut self, index: usize, children: [Child; 2]) -> Child {
-        let bits = children.map(f32::from_bits);
-        self.nodes[index][CHILDREN..CHILDREN + 2].copy_from_slice(&bits);
+        self.nodes[index] = children;
         CHILD | (4 * index) as u32
     }
 }
 
-fn child(node: &Node, side: usize) -> Child {
-    node[CHILDREN + side].to_bits()
-}
-
-/// Returns the triangles of a leaf, or `None` for a node.
-fn leaf(child: Child) -> Option<Range<usize>> {
-    let first = (child & ((1 << OTHERS) - 1)) as usize;
-    let count = (child >> OTHERS & 3) as usize + 1;
-    (child & LEAF != 0).then_some(first..first + count)
-}
-
-/// Sets the box of a node's child.
-fn set(node: &mut Node, side: usize, aabb: Aabb) {
-    for axis in 0..3 {
-        node[4 * axis + side] = aabb.min[axis];
-        node[4 * axis + 2 + side] = aabb.max[axis];
+impl Parts {
+    fn new(nodes: &[[Child; 2]]) -> Self {
+        // Sums over each node and all nodes below it.
+        let sums = |of_node: &dyn Fn(usize) -> u32| {
+            let mut sums = vec![0; nodes.len()];
+            for (at, children) in nodes.iter().enumerate().rev() {
+                let inner = children.iter().filter(|&&child| child & LEAF == 0);
+                let below = inner.map(|child| sums[(child - CHILD) as usize / 4]);
+                sums[at] = of_node(at) + below.sum::<u32>();
+            }
+            sums
+        };
+        let sizes = sums(&|_| 1);
+        let mut is_in_part = vec![false; nodes.len()];
+        let mut this = Self {
+            nodes: Vec::with_capacity(nodes.len()),
+            starts: vec![0],
+            levels: vec![0],
+        };
+        while this.nodes.len() < nodes.len() {
+            let left = sums(&|at| u32::from(!is_in_part[at]));
+            let mut at = 0;
+            while at < nodes.len() {
+                if left[at] > OF_PART {
+                    at += 1;
+                    continue;
+                }
+                let all = at..at + sizes[at] as usize;
+                at = all.end;
+                if left[all.start] > 0 {
+                    let new = all.clone().rev().filter(|&k| !is_in_part[k]);
+                    this.nodes.extend(new.map(|k| k as u32));
+                    this.starts.push(this.nodes.len() as u32);
+                    is_in_part[all].fill(true);
+                }
+            }
+            this.levels.push(this.starts.len() as u32 - 1);
+        }
+        this
     }
 }
 
-/// Returns the box around both children of a node.
-fn whole(node: &Node) -> Aabb {
-    let corner = |at: usize| Vec3A::new(node[at], node[4 + at], node[8 + at]);
-    Aabb::new(corner(0).min(corner(1)), corner(2).max(corner(3)))
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::accel::Hierarchy;
+
+    /// Each node is in one part, behind its children, or they are in a part of an earlier level.
+    #[test]
+    fn parts_have_all_nodes_after_their_children() {
+        for count in [3, 200, 5000] {
+            let triangle = |k: usize| {
+                let at = DVec3::new((k as f64).sin(), (3.0 * k as f64).cos(), k as f64 / 1e3);
+                let corners = [DVec3::ZERO, DVec3::X, DVec3::Y].map(|c| at + c * 0.01);
+                HostTriangle::new(corners, DVec3::ZERO, true)
+            };
+            let tree = Hierarchy::new((0..count).map(triangle).collect(), None).for_gpu();
+            let Parts {
+                nodes,
+                starts,
+                levels,
+            } = &tree.parts;
+            let mut place = vec![None; tree.nodes.len()];
+            for level in 0..levels.len() - 1 {
+                for part in levels[level]..levels[level + 1] {
+                    let of_part = starts[part as usize]..starts[part as usize + 1];
+                    assert!(of_part.len() <= OF_PART as usize);
+                    for k in of_part {
+                        let node = nodes[k as usize] as usize;
+                        for child in tree.nodes[node].iter().filter(|c| **c & LEAF == 0) {
+                            let below = place[(child - CHILD) as usize / 4].expect("a place");
+                            let (of_level, of_child): (usize, u32) = below;
+                            assert!(of_level < level || of_child == part);
+                        }
+                        assert_eq!(place[node].replace((level, part)), None);
+                    }
+                }
+            }
+            assert!(place.iter().all(Option::is_some));
+            assert_eq!(levels.len() > 2, count > 1000);
+        }
+    }
 }

@@ -2,6 +2,7 @@
 
 #[cfg(feature = "gpu")]
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::build::{Spare, tree};
@@ -31,11 +32,21 @@ pub(crate) struct Hierarchy {
     /// The binary tree from which the nodes were made. Its boxes are those of the triangles at that time.
     #[cfg(feature = "gpu")]
     built: Option<Arc<obvhs::bvh2::Bvh2>>,
-    /// The tree for GPUs, made when it is first needed.
+    /// The shape of the tree for GPUs, made when it is first needed.
     #[cfg(feature = "gpu")]
     for_gpu: OnceLock<Arc<GpuTree>>,
     /// Σ half areas of the boxes when they were built.
     cost: f64,
+    /// Distinguishes the triangles from those of all other hierarchies, but for copies.
+    version: u64,
+    /// The version of which it is a refit, and which triangles have moved since.
+    before: Option<(u64, Vec<bool>)>,
+}
+
+/// Returns a version that no hierarchy has.
+fn next_version() -> u64 {
+    static LAST: AtomicU64 = AtomicU64::new(0);
+    1 + LAST.fetch_add(1, Ordering::Relaxed)
 }
 
 impl Hierarchy {
@@ -54,6 +65,8 @@ impl Hierarchy {
         let wide = Wide::new(&triangles, gathered);
         Self {
             cost: wide.cost(),
+            version: next_version(),
+            before: None,
             wide,
             triangles,
             complete,
@@ -83,13 +96,9 @@ impl Hierarchy {
             });
             let moved: Vec<bool> = replaced.collect();
             self.wide.fit(&self.triangles, &moved);
+            self.before = Some((self.version, moved));
+            self.version = next_version();
             if self.wide.cost() <= 1.5 * self.cost {
-                #[cfg(feature = "gpu")]
-                if let Some(last) = self.for_gpu.take() {
-                    let mut tree = Arc::unwrap_or_clone(last);
-                    tree.fit(&self.triangles, |k| moved[k as usize]);
-                    self.for_gpu = OnceLock::from(Arc::new(tree));
-                }
                 return true;
             }
         }
@@ -97,7 +106,7 @@ impl Hierarchy {
         false
     }
 
-    /// Returns the tree that GPUs traverse. It has no nodes if there are few triangles.
+    /// Returns the shape of the tree that GPUs traverse. It has no nodes if there are few triangles.
     #[cfg(feature = "gpu")]
     pub(crate) fn for_gpu(&self) -> Arc<GpuTree> {
         if let Some(tree) = self.for_gpu.get() {
@@ -106,6 +115,20 @@ impl Hierarchy {
         // Several threads may make it, so that none holds the lock meanwhile.
         let tree = Arc::new(GpuTree::new(self.built.as_deref(), &self.triangles));
         self.for_gpu.get_or_init(|| tree).clone()
+    }
+
+    pub(crate) fn version(&self) -> u64 {
+        self.version
+    }
+
+    /// Returns which triangles have moved since a version: none of the same one (an empty list). It returns `None` if that
+    /// is unknown.
+    pub(crate) fn moved_since(&self, version: u64) -> Option<&[bool]> {
+        if version == self.version {
+            return Some(&[]);
+        }
+        let before = self.before.as_ref();
+        before.filter(|b| b.0 == version).map(|b| &*b.1)
     }
 
     /// Returns whether it contains exactly these triangles, given by corners and displacement over the shutter.

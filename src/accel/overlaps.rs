@@ -14,8 +14,11 @@ pub(crate) struct Overlaps<'a> {
     arch: Arch,
     wide: &'a Wide,
     triangles: &'a [HostTriangle],
-    /// For each node, one more than the largest index of a leaf below it.
-    past: Vec<u32>,
+    /// For each node, one more than the largest index of a leaf below it, and of those with a triangle that moved.
+    past: Vec<[u32; 2]>,
+    /// Whether each leaf has a triangle that moved, and whether each triangle did.
+    fresh: Vec<bool>,
+    moved: Option<&'a [bool]>,
 }
 
 /// A corner counts as on a plane if its distance is less than this, times the coordinates. It is smaller than
@@ -58,24 +61,42 @@ fn overlap<M: Machine>(machine: M, Boxes { min, max }: &Boxes, one: &Aabb) -> u3
 }
 
 impl<'a> Overlaps<'a> {
-    pub fn new(hierarchy: &'a Hierarchy) -> Self {
+    /// With a list of which triangles `moved`, only pairs with such a triangle are found.
+    pub fn new(hierarchy: &'a Hierarchy, moved: Option<&'a [bool]>) -> Self {
         let wide = &hierarchy.wide;
-        let mut past = vec![0; wide.nodes.len()];
+        let is_fresh =
+            |leaf: &Leaf| moved.is_none_or(|moved| leaf.list().iter().any(|&k| moved[k as usize]));
+        let fresh: Vec<bool> = wide.leaves.iter().map(is_fresh).collect();
+        let mut past = vec![[0; 2]; wide.nodes.len()];
         // Children come after their parents.
         for (at, node) in wide.nodes.iter().enumerate().rev() {
-            let of_child = |&child: &u32| match child % 2 {
-                1 => child / 2 + 1,
-                _ => past[child as usize / 2],
-            };
-            let children = &node.child[..node.count as usize];
-            past[at] = children.iter().map(of_child).max().unwrap_or(0);
+            for &child in &node.child[..node.count as usize] {
+                let index = child as usize / 2;
+                let of_child = match child % 2 {
+                    1 => [
+                        index as u32 + 1,
+                        if fresh[index] { index as u32 + 1 } else { 0 },
+                    ],
+                    _ => past[index],
+                };
+                for (all, own) in past[at].iter_mut().zip(of_child) {
+                    *all = own.max(*all);
+                }
+            }
         }
         Self {
             arch: Arch::new(),
             wide,
             triangles: &hierarchy.triangles,
             past,
+            fresh,
+            moved,
         }
+    }
+
+    /// Returns whether pairs of triangles of two leaves are searched for.
+    fn compares(&self, leaf: usize, other: usize) -> bool {
+        self.fresh[leaf] || self.fresh[other]
     }
 
     pub fn leaves(&self) -> usize {
@@ -122,7 +143,9 @@ impl Task for AddPairs<'_> {
         if wide.nodes.is_empty() {
             let mut other = self.leaf;
             while other < wide.leaves.len() {
-                if !self.add(machine, other, &wide.boxes[other].around(), &corners) {
+                if self.overlaps.compares(self.leaf, other)
+                    && !self.add(machine, other, &wide.boxes[other].around(), &corners)
+                {
                     return false;
                 }
                 other += 1;
@@ -130,6 +153,7 @@ impl Task for AddPairs<'_> {
             return true;
         }
         let around = wide.boxes[self.leaf].around();
+        let only_fresh = usize::from(!self.overlaps.fresh[self.leaf]);
         let mut open = Vec::with_capacity(64);
         open.push(0u32);
         while let Some(at) = open.pop() {
@@ -141,10 +165,11 @@ impl Task for AddPairs<'_> {
                 let child = node.child[slot];
                 let other = child as usize / 2;
                 if child.is_multiple_of(2) {
-                    if self.overlaps.past[other] as usize > self.leaf {
+                    if self.overlaps.past[other][only_fresh] as usize > self.leaf {
                         open.push(child);
                     }
                 } else if other >= self.leaf
+                    && self.overlaps.compares(self.leaf, other)
                     && !self.add(machine, other, &node.boxes.one(slot), &corners)
                 {
                     return false;
@@ -195,6 +220,13 @@ impl AddPairs<'_> {
                     others.triangle[met.trailing_zeros() as usize],
                 );
                 met &= met - 1;
+                if self
+                    .overlaps
+                    .moved
+                    .is_some_and(|moved| !moved[k as usize] && !moved[l as usize])
+                {
+                    continue;
+                }
                 if *self.left == 0 {
                     return false;
                 }
@@ -229,11 +261,25 @@ mod tests {
                 HostTriangle::new(corners, vector(speed), true)
             };
             let hierarchy = Hierarchy::new((0..count).map(triangle).collect(), None);
-            let overlaps = Overlaps::new(&hierarchy);
-            let (mut found, mut left) = (Vec::new(), 1 << 20);
-            for leaf in 0..overlaps.leaves() {
-                assert!(overlaps.add_pairs(leaf, &mut left, &mut found));
-            }
+            let overlaps = Overlaps::new(&hierarchy, None);
+            let of_all = |overlaps: &Overlaps| {
+                let (mut found, mut left) = (Vec::new(), 1 << 20);
+                for leaf in 0..overlaps.leaves() {
+                    assert!(overlaps.add_pairs(leaf, &mut left, &mut found));
+                }
+                found
+            };
+            let mut found = of_all(&overlaps);
+            // With few that moved, those pairs that have one of them.
+            let moved: Vec<bool> = (0..count).map(|k| k % 31 == 5).collect();
+            let of_moved = of_all(&Overlaps::new(&hierarchy, Some(&moved)));
+            let is_of_moved = |pair: &&[u32; 2]| pair.iter().any(|&k| moved[k as usize]);
+            let sorted = |mut pairs: Vec<[u32; 2]>| {
+                pairs.sort_unstable();
+                pairs
+            };
+            let wanted = found.iter().filter(is_of_moved).copied().collect();
+            assert_eq!(sorted(of_moved), sorted(wanted));
             let passes = |plane: &HostTriangle, other: &HostTriangle| {
                 let above = |c: DVec3| plane.normal.dot(c - plane.corners[0]) > 0.0;
                 let above = other.corners.map(above);

@@ -12,6 +12,7 @@ use crate::cube::*;
 
 use super::device::{List, launch};
 use super::made::make_lists;
+use super::nodes::make_nodes;
 
 /// Number of words in a block.
 const BLOCK: usize = 1024;
@@ -60,10 +61,12 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Writes `head` and all lists into a buffer, and determines which blocks differ from the last render.
+    /// Writes `head` and all lists into a buffer, and determines which blocks differ from the last render. If lists have
+    /// changed in size, all do, since the device may have written where a list now is.
     pub fn fill(mut self, head: &'a [u32], last: Buffer) -> Buffer {
         self.lists.insert(0, (0, head, false));
-        let alike = last.words.len() == self.length;
+        let places = self.lists.iter().map(|l| [l.0, l.1.len()]).collect();
+        let alike = last.words.len() == self.length && last.places == places;
         let mut words = last.words;
         if !alike {
             words = vec![0; self.length];
@@ -101,6 +104,7 @@ impl<'a> Plan<'a> {
             shapes: changed.iter().any(|c| c.1),
             changed: changed.into_iter().map(|c| c.0).collect(),
             words,
+            places,
         }
     }
 }
@@ -109,6 +113,8 @@ impl<'a> Plan<'a> {
 #[derive(Default)]
 pub(super) struct Buffer {
     words: Vec<u32>,
+    /// The start and the length of each list.
+    places: Vec<[usize; 2]>,
     /// The blocks that differ from the last render.
     changed: Vec<u32>,
     /// Whether the device must make its lists again, because a list that they depend on has changed.
@@ -124,12 +130,25 @@ impl Buffer {
 
 /// The lists that the device makes: the start of the table of scenes among the words, the number of scenes, and the
 /// number of threads that make their lists.
-#[derive(Clone, Copy, Default)]
+#[derive(Default)]
 pub(super) struct Made {
     pub table: u32,
     pub scenes: u32,
     pub threads: u32,
+    /// The largest number of parts in each level of a scene's tree.
+    pub levels: Vec<u32>,
     pub moves: bool,
+}
+
+impl Made {
+    /// Adds a scene's tree, of which the parts of level k are those from `first[k]` up to `first[k + 1]`.
+    pub fn add_levels(&mut self, first: &[u32]) {
+        let count = self.levels.len().max(first.len() - 1);
+        self.levels.resize(count, 0);
+        for (most, level) in self.levels.iter_mut().zip(first.windows(2)) {
+            *most = (*most).max(level[1] - level[0]);
+        }
+    }
 }
 
 /// The buffers of floats and of words, on the host and on a device.
@@ -244,7 +263,7 @@ impl Buffers {
                 write_blocks(floats, words, &numbers, &data, of_floats as u32)
             );
         }
-        let made = self.made;
+        let made = &self.made;
         if made.threads > 0 && both.iter().any(|b| b.shapes) {
             launch!(
                 client,
@@ -258,6 +277,22 @@ impl Buffers {
                     made.moves
                 )
             );
+            // The threads of `make_lists` have made the first level.
+            for (level, &most) in made.levels.iter().enumerate().skip(1) {
+                launch!(
+                    client,
+                    (made.scenes * most) as usize,
+                    make_nodes(
+                        floats,
+                        words,
+                        made.table,
+                        made.scenes,
+                        level as u32,
+                        most,
+                        made.moves
+                    )
+                );
+            }
         }
     }
 }

@@ -200,6 +200,10 @@ pub(super) fn has_room(device: &Device, lists: &[(&str, usize)]) -> Result<(), S
     fits(bindings, properties.memory.max_page_size, lists)
 }
 
+/// Maximum length of a list, since kernels number words by u32. A scene within it has less than 2²⁸ triangles, as many as
+/// leaves of its tree can number: each triangle takes 16 words of a list, or more.
+const WORDS: usize = u32::MAX as usize;
+
 /// Checks lists of numbers against the number of bindings and the maximum size of a buffer in bytes.
 fn fits(bindings: u32, bytes: u64, lists: &[(&str, usize)]) -> Result<(), String> {
     const INSTEAD: &str = "a tensor of a CPU's device renders there";
@@ -214,6 +218,9 @@ fn fits(bindings: u32, bytes: u64, lists: &[(&str, usize)]) -> Result<(), String
             "{name} takes a buffer of {:.1} MB, and this device allows {:.1} MB; {INSTEAD}",
             4e-6 * *length as f64,
             1e-6 * bytes as f64
+        )),
+        Some((name, length)) if *length > WORDS => Err(format!(
+            "{name} takes {length} numbers, and a list has at most {WORDS}; {INSTEAD}"
         )),
         _ => Ok(()),
     }
@@ -242,5 +249,8 @@ mod tests {
         );
         let said = fits(7, 11_999, &lists).expect_err("a small buffer");
         assert!(said.contains("the image"), "{said}");
+        let lists = [("the scene", 1 << 32)];
+        let said = fits(7, 1 << 40, &lists).expect_err("a list that is too long");
+        assert!(said.contains("4294967296 numbers"), "{said}");
     }
 }

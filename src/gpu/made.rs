@@ -1,36 +1,15 @@
 //! Lists that the device makes from vertices and from data that stays the same while vertices move: triangles for
-//! paths, triangles for rays, edges, and the edges in leaves of trees.
+//! paths, triangles for rays, edges, the edges in leaves of trees, and the nodes of trees over triangles.
 
+use super::nodes::{make_part, tree_at};
+use super::vertices::{At, OF_SCENE, between, lists_at, read, velocity, vertex, write};
 use crate::accel::{LANES, ROUNDING, hit_stride};
 use crate::cube::*;
 use crate::kernel::{LEAF, put_edge};
 use crate::model::edge_weight::{Jumps, SeenEdge};
 use crate::model::triangle::{NUMBERS, has_area};
 use crate::model::{V3, splat, v3};
-use crate::trace::{CLOSED, HEADER, HeaderWord, NONE, OF_EDGE, ROWS_OF_EDGE, TRIANGLE};
-
-/// Number of words of a scene in the table: its first thread, the view whose header stores where its lists begin, and
-/// the numbers of triangles, triangles for rays, edges, edges of meshes among these, and places in leaves.
-pub(super) const OF_SCENE: usize = 7;
-
-/// The starts of a scene's lists in the buffers.
-#[derive(CubeType, Clone, Copy)]
-#[expand(derive(Clone, Copy))]
-struct At {
-    vertices: u32,
-    rows: u32,
-    triangles: u32,
-    velocities: u32,
-    edges: u32,
-    of_edges: u32,
-    kinds: u32,
-    creases: u32,
-    crossings: u32,
-    /// Number of edges of meshes.
-    meshes: u32,
-    #[cube(comptime)]
-    moves: bool,
-}
+use crate::trace::{CLOSED, HEADER, HeaderWord, NONE, OF_EDGE, ROWS_OF_EDGE};
 
 /// A triangle, computed from its vertices.
 #[apply(record!)]
@@ -47,36 +26,6 @@ struct Face {
     area: f32,
     /// Whether it has area.
     valid: bool,
-}
-
-/// Reads three numbers of a list that the kernel also writes.
-#[cube]
-fn read(floats: &mut [f32], at: u32) -> V3 {
-    let i = at as usize;
-    v3(floats[i], floats[i + 1], floats[i + 2])
-}
-
-#[cube]
-fn write(floats: &mut [f32], at: u32, v: V3) {
-    let i = at as usize;
-    floats[i] = v.x;
-    floats[i + 1] = v.y;
-    floats[i + 2] = v.z;
-}
-
-/// Returns the position of a vertex, rounded to f32. Each coordinate is stored as a sum of two numbers: the rounded
-/// value and a remainder.
-#[cube]
-fn vertex(floats: &mut [f32], at: At, row: u32) -> V3 {
-    read(floats, at.vertices + 6 * row)
-}
-
-/// Returns the vector from one vertex to another, computed from both numbers of each coordinate.
-#[cube]
-fn between(floats: &mut [f32], at: At, from: u32, to: u32) -> V3 {
-    let (from, to) = (at.vertices + 6 * from, at.vertices + 6 * to);
-    let coarse = read(floats, to) - read(floats, from);
-    coarse + (read(floats, to + 3) - read(floats, from + 3))
 }
 
 #[cube]
@@ -113,17 +62,6 @@ fn face(floats: &mut [f32], words: &[u32], at: At, triangle: u32) -> Face {
         area: select(valid, area, 0.0),
         valid,
     }
-}
-
-/// Returns the displacement of a triangle over the shutter time.
-#[cube]
-fn velocity(floats: &mut [f32], words: &[u32], at: At, triangle: u32) -> V3 {
-    let mut v = splat(0.0);
-    if comptime!(at.moves) {
-        let object = words[(at.triangles + TRIANGLE * triangle) as usize + 1];
-        v = read(floats, at.velocities + 3 * object);
-    }
-    v
 }
 
 /// Writes a triangle for paths ([`Triangle`](crate::model::triangle::Triangle)).
@@ -235,7 +173,8 @@ fn make_lane(floats: &mut [f32], words: &[u32], at: At, leaves: u32, lane: u32, 
     }
 }
 
-/// Makes the lists of all scenes. Each thread makes one triangle, edge or place in a leaf.
+/// Makes the lists of all scenes. Each thread makes one triangle, edge, place in a leaf, or part of the first level of a
+/// tree.
 #[cube(launch)]
 pub(super) fn make_lists(
     floats: &mut [f32],
@@ -257,20 +196,9 @@ pub(super) fn make_lists(
         let s = scene as usize;
         let mut own = index - words[s];
         let header = words[s + 1] as usize * HEADER;
-        let at = At {
-            vertices: words[header + comptime!(HeaderWord::vertices as usize)],
-            rows: words[header + comptime!(HeaderWord::vertex_rows as usize)],
-            triangles: words[header + comptime!(HeaderWord::triangles as usize)],
-            velocities: words[header + comptime!(HeaderWord::velocities as usize)],
-            edges: words[header + comptime!(HeaderWord::edges as usize)],
-            of_edges: words[header + comptime!(HeaderWord::of_edges as usize)],
-            kinds: words[header + comptime!(HeaderWord::edge_kinds as usize)],
-            creases: words[header + comptime!(HeaderWord::creases as usize)],
-            crossings: words[header + comptime!(HeaderWord::crossings as usize)],
-            meshes: words[s + 5],
-            moves,
-        };
-        let (faces, hits, edges) = (words[s + 2], words[s + 3], words[s + 4]);
+        let at = lists_at(words, scene, moves);
+        let (faces, hits) = (words[s + 2], words[s + 3]);
+        let (edges, lanes) = (words[s + 4], words[s + 6]);
         if own < faces {
             let f = face(floats, words, at, own);
             let surfaces = words[header + comptime!(HeaderWord::surfaces as usize)];
@@ -289,12 +217,15 @@ pub(super) fn make_lists(
             let line = edge(floats, words, at, own);
             write(floats, at.edges + 6 * own, line.start);
             write(floats, at.edges + 6 * own + 3, line.along);
-        } else {
+        } else if own < faces + hits + edges + lanes {
             own -= faces + hits + edges;
             let list = words[header + comptime!(HeaderWord::edges_of_leaves as usize)];
             let leaves = words[header + comptime!(HeaderWord::edge_leaves as usize)];
             let which = words[(list + own) as usize];
             make_lane(floats, words, at, leaves, own, which);
+        } else {
+            own -= faces + hits + edges + lanes;
+            make_part(floats, words, at, tree_at(words, scene), own);
         }
     }
 }

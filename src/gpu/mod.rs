@@ -31,6 +31,7 @@ mod launch;
 mod launch_backward;
 mod loss;
 mod made;
+mod nodes;
 mod packed;
 mod passes;
 mod path;
@@ -38,6 +39,7 @@ mod pixel_gradients;
 mod records;
 mod searches;
 mod sums;
+mod vertices;
 mod walk;
 
 pub(crate) use buffers::LastBuffers;

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::buffers::{Buffers, Made, Plan};
 use super::sums::Places;
-use crate::accel::{GpuTree, hit_stride};
+use crate::accel::{GpuTree, OF_NODE, hit_stride};
 use crate::kernel::{LEAF, View};
 use crate::model::triangle::NUMBERS;
 use crate::trace::{Derivatives, Features, HEADER, HeaderWord, Scene};
@@ -143,23 +143,31 @@ impl Packed {
         let mut known = HashMap::new();
         for (v, &(_, number, of_scene)) in views.iter().enumerate() {
             let rooms = *known.entry(number).or_insert_with(|| {
-                let [faces, hits, edges, _, lanes] = of_scene.made;
+                let [faces, hits, edges, _, lanes, parts] = of_scene.made;
+                let tree = &of_scene.tree;
                 table.extend([made.threads, v as u32]);
                 table.extend(of_scene.made);
+                table.extend([
+                    words.place(tree.nodes.as_flattened(), true),
+                    words.place(&tree.parts.nodes, true),
+                    words.place(&tree.parts.starts, true),
+                    words.place(&tree.parts.levels, true),
+                    tree.parts.levels.len() as u32 - 1,
+                ]);
                 made.scenes += 1;
-                made.threads += faces + hits + edges + lanes;
-                let each = [NUMBERS as u32, hit_stride(features.moves), 6, LEAF as u32];
-                let counts = [faces, hits, edges, lanes].into_iter().zip(each);
-                let rooms = counts.map(|(count, each)| floats.room((count * each) as usize));
-                rooms.collect::<Vec<u32>>().try_into().expect("four lists")
+                made.threads += faces + hits + edges + lanes + parts;
+                made.add_levels(&tree.parts.levels);
+                of_scene
+                    .made_numbers(features.moves)
+                    .map(|numbers| floats.room(numbers))
             });
-            let lists: [HeaderWord; 4] = [
+            let lists: [HeaderWord; 5] = [
                 HeaderWord::surfaces,
                 HeaderWord::hits,
                 HeaderWord::edges,
                 HeaderWord::edge_leaves,
+                HeaderWord::nodes,
             ];
-            let rooms: [u32; 4] = rooms;
             for (list, room) in lists.into_iter().zip(rooms) {
                 headers[v][list as usize] = room;
             }
@@ -202,10 +210,10 @@ pub(super) struct OfScene {
     edge_trees: Vec<[u32; OF_TREE as usize]>,
     edge_kinds: Vec<u32>,
     creases: Vec<f32>,
-    vertices: Vec<[f32; 6]>,
+    vertices: Vec<[[f32; 3]; 2]>,
     /// The numbers of items that the device makes: triangles, triangles for rays, edges, edges of meshes among these,
-    /// and places in leaves.
-    made: [u32; 5],
+    /// places in leaves, and parts of the first level of the tree.
+    made: [u32; 6],
 }
 
 impl OfScene {
@@ -239,19 +247,12 @@ impl OfScene {
             (this.edge_kinds, this.creases, meshes) = sets.kinds();
             this.made[2..4].copy_from_slice(&[this.edge_kinds.len() as u32, meshes as u32]);
         }
-        let triangles = &view.scene.hierarchy.triangles;
+        let triangles = lists.triangles.len();
         let hits = this.tree.triangles.len();
-        this.made[..2].copy_from_slice(&[triangles.len() as u32, hits as u32]);
+        this.made[..2].copy_from_slice(&[triangles as u32, hits as u32]);
         this.made[4] = this.edges_of_leaves.len() as u32;
-        this.vertices = vec![[0.0; 6]; view.scene.vertices()];
-        for (t, rows) in triangles.iter().zip(&lists.vertex_rows) {
-            for (corner, &row) in t.corners.iter().zip(rows) {
-                let coarse = corner.as_vec3();
-                let rest = (*corner - coarse.as_dvec3()).as_vec3();
-                let both = [coarse.to_array(), rest.to_array()];
-                this.vertices[row as usize].copy_from_slice(both.as_flattened());
-            }
-        }
+        this.made[5] = this.tree.parts.levels.get(1).copied().unwrap_or(0);
+        this.vertices = lists.in_two_parts();
         this
     }
 
@@ -279,7 +280,7 @@ impl OfScene {
     /// Returns the lists of a view together with these lists.
     pub fn add_to<'a>(&'a self, scene: Scene<'a>) -> Scene<'a> {
         Scene {
-            nodes: self.tree.nodes.as_flattened(),
+            nodes: &[],
             hit_numbers: &self.tree.triangles,
             hit_count: self.tree.triangles.len() as u32,
             counted: &self.counted,
@@ -290,7 +291,7 @@ impl OfScene {
             edges_of_leaves: &self.edges_of_leaves,
             edge_kinds: &self.edge_kinds,
             creases: &self.creases,
-            vertices: self.vertices.as_flattened(),
+            vertices: self.vertices.as_flattened().as_flattened(),
             crossings: &scene.edges[6 * self.made[3] as usize..],
             surfaces: &[],
             edges: &[],
@@ -303,8 +304,18 @@ impl OfScene {
     pub fn numbers(&self, view: &View) -> usize {
         let lists = self.add_to(view.lists());
         let sent: usize = lists.float_lists().iter().map(|(_, list)| list.len()).sum();
-        let [faces, hits, edges, _, lanes] = self.made.map(|n| n as usize);
-        let of_hits = hit_stride(view.features.moves) as usize * hits;
-        sent + NUMBERS * faces + of_hits + 6 * edges + LEAF * lanes
+        sent + self.made_numbers(view.features.moves).iter().sum::<usize>()
+    }
+
+    /// Returns the lengths of the lists that the device makes: triangles, triangles for rays, edges, leaves and nodes.
+    fn made_numbers(&self, moves: bool) -> [usize; 5] {
+        let [faces, hits, edges, _, lanes, _] = self.made.map(|n| n as usize);
+        [
+            NUMBERS * faces,
+            hit_stride(moves) as usize * hits,
+            6 * edges,
+            LEAF * lanes,
+            OF_NODE as usize * self.tree.nodes.len(),
+        ]
     }
 }

@@ -195,7 +195,19 @@ impl Lists {
             surface
         };
         self.surfaces = in_boxes.par_iter().map(surface).collect();
-        // The surfaces contain the vertices now.
-        self.vertices = Vec::new();
+        // The surfaces contain the vertices now, but not with the precision that GPUs take.
+        if !cfg!(feature = "gpu") {
+            self.vertices = Vec::new();
+        }
+    }
+
+    /// Returns each vertex as the sum of two numbers per axis, of which the first is rounded.
+    #[cfg(feature = "gpu")]
+    pub fn in_two_parts(&self) -> Vec<[[f32; 3]; 2]> {
+        let parts = |v: &DVec3| {
+            let coarse = v.as_vec3();
+            [coarse, (*v - coarse.as_dvec3()).as_vec3()].map(|part| part.to_array())
+        };
+        self.vertices.par_iter().map(parts).collect()
     }
 }

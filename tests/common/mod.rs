@@ -1,6 +1,7 @@
 //! Shared by the integration tests: reference data, devices, statistics.
 #![allow(dead_code)] // each program of tests uses a part
 
+pub mod cached;
 pub mod errors;
 pub mod facets;
 pub mod folder;

@@ -1,5 +1,6 @@
 //! Batches on a GPU: views in one launch, of scenes that they share and of others, and what a training step reads back.
 
+use crate::common::cached::steps_are_those_without_a_cache;
 use crate::common::numbers::{apart, pairs};
 use crate::common::process::alone;
 use crate::common::scenes::{diffuse, floor, lamp};
@@ -190,6 +191,11 @@ fn scenes_stay_on_the_device() {
     for (step, (color, size)) in [(&second, (0.9, 0.6)), (&first, (0.3, 0.5))] {
         assert_eq!(numbers(step), numbers(&render(color, size, &options)));
     }
+}
+
+#[test]
+fn bodies_move_and_shrink_back() {
+    steps_are_those_without_a_cache(&device());
 }
 
 /// A scene of over 64 MiB is sent in parts, and its image is that of the host.

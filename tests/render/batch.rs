@@ -1,5 +1,6 @@
 //! Batches: what they return is what their views return one by one, with the same gradients.
 
+use crate::common::cached::steps_are_those_without_a_cache;
 use crate::common::errors::{message, says};
 use crate::common::mistakes;
 use crate::common::numbers::{apart, norm};
@@ -274,6 +275,11 @@ fn views_of_a_scene_share_its_hierarchy() {
     let images = render_batch(&batch, &options).expect("images");
     assert_eq!(images.len(), 7);
     assert_eq!(cache.counts(), [1, 0]);
+}
+
+#[test]
+fn bodies_move_and_shrink_back() {
+    steps_are_those_without_a_cache(&Device::flex());
 }
 
 /// What does not change the images has a gradient of 0.

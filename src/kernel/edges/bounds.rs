@@ -10,6 +10,8 @@ use crate::trace::NONE;
 pub(super) struct EdgeList<'a> {
     pub edges: &'a Edges,
     pub scene: &'a KernelScene,
+    /// Whether the tree is for a GPU, which computes its leaves.
+    pub for_gpu: bool,
 }
 
 impl EdgeList<'_> {

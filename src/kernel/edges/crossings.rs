@@ -65,14 +65,54 @@ fn segment(scene: &KernelScene, k: u32, l: u32, time: f32) -> Option<[V3; 2]> {
 const LEAVES: usize = 128;
 const LOOKS: usize = 1 << 18;
 
-/// Returns the crossings of all triangles that have area and share no corner.
-pub(super) fn find(scene: &KernelScene) -> Vec<Edge> {
+/// The crossings of the last render.
+#[derive(Default)]
+pub(super) struct LastCrossings {
+    /// The version of the hierarchy in which they were found, and whether anything moved over the shutter.
+    of: Option<(u64, bool)>,
+    found: Vec<Edge>,
+}
+
+impl LastCrossings {
+    /// Finds the crossings of all triangles that have area and share no corner, in the order of these triangles. Those of
+    /// triangles that have not moved since the last render are kept.
+    pub fn update(&mut self, scene: &KernelScene) -> &[Edge] {
+        let hierarchy = &scene.hierarchy;
+        let of = (hierarchy.version(), scene.velocities.is_some());
+        let last = self.of.filter(|last| last.1 == of.1);
+        let moved = last.and_then(|last| hierarchy.moved_since(last.0));
+        match moved {
+            None => self.found.clear(),
+            Some([]) => {}
+            Some(moved) => {
+                (self.found).retain(|e| !e.faces[..2].iter().any(|&k| moved[k as usize]))
+            }
+        }
+        for edge in &mut self.found {
+            edge.object = scene.object_of(edge.faces[0]);
+        }
+        // What is incomplete is found, and reported, in each render.
+        self.of = None;
+        if moved.is_none_or(|moved| moved.contains(&true)) {
+            let (mut found, all) = find(scene, &Overlaps::new(hierarchy, moved));
+            self.found.append(&mut found);
+            self.found
+                .sort_unstable_by_key(|e| [e.faces[0], e.faces[1]]);
+            self.of = all.then_some(of);
+        } else {
+            self.of = Some(of);
+        }
+        &self.found
+    }
+}
+
+/// Returns the crossings among pairs of triangles, and whether all were found.
+fn find(scene: &KernelScene, overlaps: &Overlaps) -> (Vec<Edge>, bool) {
     let times: &[f32] = if scene.velocities.is_some() {
         &TIMES
     } else {
         &[0.0]
     };
-    let overlaps = Overlaps::new(&scene.hierarchy);
     let of_chunk = |pairs: &mut Vec<[u32; 2]>, chunk: usize| {
         pairs.clear();
         let mut leaves = chunk * LEAVES..((chunk + 1) * LEAVES).min(overlaps.leaves());
@@ -91,13 +131,14 @@ pub(super) fn find(scene: &KernelScene) -> Vec<Edge> {
     };
     let chunks = (0..overlaps.leaves().div_ceil(LEAVES)).into_par_iter();
     let found: Vec<(Vec<Edge>, bool)> = chunks.map_init(Vec::new, of_chunk).collect();
-    if !found.iter().all(|f| f.1) {
+    let all = found.iter().all(|f| f.1);
+    if !all {
         warning_once!(
             "very many triangles are in one place: not all lines in which they pass through each other \
              are found, gradients lack the jumps there"
         );
     }
-    found.into_iter().flat_map(|f| f.0).collect()
+    (found.into_iter().flat_map(|f| f.0).collect(), all)
 }
 
 /// Returns whether two triangles may pass through each other, judged by corners and planes.

@@ -132,8 +132,14 @@ impl MeshEdges {
         (second != NONE).then(|| ([first, second].map(ends), place(first) == place(second)))
     }
 
-    /// Adds the edges that can jump.
-    pub fn add_to(&self, edges: &mut Edges, scene: &KernelScene, object: usize) {
+    /// Adds the edges that can jump. `moved` is whether each triangle has moved since the last render, if that is known.
+    pub fn add_to(
+        &self,
+        edges: &mut Edges,
+        scene: &KernelScene,
+        object: usize,
+        moved: Option<&[bool]>,
+    ) {
         let mut triangles = self.first..self.first + self.faces.len();
         let transparent = |k: usize| scene.material(k as u32).kind.bsdf.refracts();
         let pierced = |k: usize| scene.holes.as_ref().is_some_and(|h| h.are_in(k));
@@ -143,7 +149,7 @@ impl MeshEdges {
         let kinds: Vec<Option<(Kind, f32)>> = kinds.collect();
         let jumping = (0..kinds.len() as u32).filter(|&i| kinds[i as usize].is_some());
         let jumping: Vec<u32> = jumping.collect();
-        edges.extend(jumping.len(), |i| {
+        edges.extend(jumping.len(), moved, |i| {
             let i = jumping[i] as usize;
             let kind = kinds[i].unwrap_or(BORDER);
             Edge {

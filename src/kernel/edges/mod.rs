@@ -22,6 +22,7 @@ use crate::scene::HostScene;
 use crate::trace::CLOSED;
 use crate::trace::{OF_EDGE, Scene};
 use bounds::EdgeList;
+use crossings::LastCrossings;
 pub(crate) use draw::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
 #[cfg(feature = "gpu")]
 pub(crate) use draw::{LEAF, put_edge};
@@ -93,11 +94,18 @@ pub(super) struct Edges {
     /// Values that only trees and films use: the kind, the bound of the jump of colors, and whether the object is
     /// closed.
     kinds: Vec<(Kind, f32, bool)>,
+    /// Whether each edge differs from the last render's at the same place, or may do so.
+    changed: Vec<bool>,
 }
 
 impl Edges {
-    /// Adds `count` edges.
-    fn extend(&mut self, count: usize, edge: impl Fn(usize) -> Edge + Sync) {
+    /// Adds `count` edges. `moved` is whether each triangle has moved since the last render, if that is known.
+    fn extend(
+        &mut self,
+        count: usize,
+        moved: Option<&[bool]>,
+        edge: impl Fn(usize) -> Edge + Sync,
+    ) {
         let first = self.count;
         self.count += count;
         if self.words.len() < self.count {
@@ -106,13 +114,23 @@ impl Edges {
         let flat = self.flat[first..self.count].par_iter_mut();
         let all = flat
             .zip(&mut self.words[first..])
-            .zip(&mut self.kinds[first..]);
-        all.enumerate().for_each(|(i, ((flat, words), kind))| {
-            let e = edge(i);
-            *flat = [e.a, e.along].map(V3::to_array);
-            *words = e.words();
-            *kind = (e.kind, e.crease, e.closed);
-        });
+            .zip(&mut self.kinds[first..])
+            .zip(&mut self.changed[first..]);
+        let has_moved = |&face: &u32| match moved {
+            Some(moved) => moved.get(face as usize).copied().unwrap_or(false),
+            None => true,
+        };
+        all.enumerate()
+            .for_each(|(i, (((flat, words), kind), changed))| {
+                let e = edge(i);
+                let new = (
+                    [e.a, e.along].map(V3::to_array),
+                    e.words(),
+                    (e.kind, e.crease, e.closed),
+                );
+                *changed = new != (*flat, *words, *kind) || e.faces[..2].iter().any(has_moved);
+                (*flat, *words, *kind) = new;
+            });
     }
 
     /// Fits the lists to the number of edges.
@@ -120,6 +138,7 @@ impl Edges {
         self.flat.resize(self.count, Default::default());
         self.words.resize(self.count, Default::default());
         self.kinds.resize(self.count, (Kind::Border, 0.0, false));
+        self.changed.resize(self.count, true);
     }
 
     pub fn get(&self, i: usize) -> Edge {
@@ -148,6 +167,8 @@ impl Edges {
 
 /// The edges at which something can jump, and trees over them.
 pub(crate) struct EdgeSets {
+    /// The version of the hierarchy over the triangles.
+    version: u64,
     pub(super) edges: Edges,
     tree: EdgeTree,
     moving: Moving,
@@ -172,33 +193,37 @@ struct Kept {
     /// Its memory is reused unless another render still holds it.
     last: Option<Arc<EdgeSets>>,
     meshes: Vec<MeshEdges>,
+    crossings: LastCrossings,
     /// Divisions of the edges that move, and of the others or of all.
     divisions: [Division; 2],
 }
 
 impl EdgeSets {
+    /// Collects the edges of a scene and builds trees over them, `for_gpu` without the data that GPUs compute.
     pub fn new(
         host: &HostScene,
         scene: &KernelScene,
         wanted: &Wanted,
         last: &LastEdges,
+        for_gpu: bool,
     ) -> Arc<Self> {
         let lock = || last.0.lock().unwrap_or_else(PoisonError::into_inner);
         let mut kept = std::mem::take(&mut *lock());
         kept.meshes
             .resize_with(host.objects.len(), MeshEdges::default);
-        let mut edges = Edges::default();
+        let (mut edges, mut last) = (Edges::default(), EdgeTree::default());
+        let mut moved = None;
         if let Some(sets) = kept.last.take().and_then(Arc::into_inner) {
-            edges = sets.edges;
+            (edges, last) = (sets.edges, sets.tree);
             edges.count = 0;
-            kept.divisions[0].room = sets.tree.into_room();
+            moved = scene.hierarchy.moved_since(sets.version);
         }
         for (i, (mesh, object)) in kept.meshes.iter_mut().zip(&host.objects).enumerate() {
             mesh.update(scene, i, object);
-            mesh.add_to(&mut edges, scene, i);
+            mesh.add_to(&mut edges, scene, i, moved);
         }
-        let crossings = crossings::find(scene);
-        edges.extend(crossings.len(), |i| crossings[i]);
+        let crossings = kept.crossings.update(scene);
+        edges.extend(crossings.len(), moved, |i| crossings[i]);
         edges.resize();
         let all_move = wanted.objects.iter().all(|&object| object != 0);
         let moves = |&i: &u32| all_move || edges.get(i as usize).moves(scene, wanted);
@@ -207,19 +232,22 @@ impl EdgeSets {
         let source = EdgeList {
             edges: &edges,
             scene,
+            for_gpu,
         };
         let [first, second] = &mut kept.divisions;
         let (tree, moving) = if others.is_empty() {
-            (EdgeTree::new(&source, &moving, first), Moving::Whole)
+            (EdgeTree::new(&source, &moving, first, last), Moving::Whole)
         } else if EdgeTree::is_list(&moving) {
-            let tree = EdgeTree::new(&source, &moving, first);
+            let tree = EdgeTree::new(&source, &moving, first, EdgeTree::default());
             let all: Vec<u32> = numbers.collect();
-            (EdgeTree::new(&source, &all, second), Moving::Separate(tree))
+            let whole = EdgeTree::new(&source, &all, second, last);
+            (whole, Moving::Separate(tree))
         } else {
             let parts = [(&*moving, first), (&*others, second)];
-            (EdgeTree::joint(&source, parts), Moving::Part)
+            (EdgeTree::joint(&source, parts, last), Moving::Part)
         };
         let sets = Arc::new(Self {
+            version: scene.hierarchy.version(),
             tree,
             moving,
             edges,

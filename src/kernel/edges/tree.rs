@@ -15,11 +15,15 @@ use crate::model::V3;
 const MAX_LIST_EDGES: usize = 64;
 
 /// A tree over edges, or a list of few edges. A [`Root`] reads it.
+#[derive(Default)]
 pub(super) struct EdgeTree {
     nodes: Vec<f32>,
     children: Vec<u32>,
+    /// Empty for renders on GPUs, which compute the leaves.
     leaves: Vec<f32>,
     edges: Vec<u32>,
+    of_leaves: Vec<Bounds>,
+    of_nodes: Vec<Bounds>,
     moves: bool,
 }
 
@@ -33,8 +37,6 @@ pub(super) struct Division {
     shape: Shape,
     /// The sum of half the areas of the leaves' boxes when the edges were divided.
     cost: f32,
-    /// The memory of a tree's leaves, for reuse.
-    pub room: Vec<f32>,
 }
 
 /// An edge of a list that is divided.
@@ -66,10 +68,9 @@ impl Division {
     fn update(&mut self, source: &EdgeList, list: &[u32]) {
         let is = |(&i, &name): (&u32, &[u32; 2])| source.edges.name(i) == name;
         let same = self.names.len() == list.len() && list.par_iter().zip(&self.names).all(is);
-        if !same || self.cost_of(source, list) > 1.5 * self.cost {
-            let room = std::mem::take(&mut self.room);
+        let moved = || list.par_iter().any(|&i| source.edges.changed[i as usize]);
+        if !same || moved() && self.cost_of(source, list) > 1.5 * self.cost {
             *self = Self::new(source, list);
-            self.room = room;
         }
     }
 
@@ -127,18 +128,18 @@ fn joined(parts: [Divided; 2]) -> Divided {
 }
 
 impl EdgeTree {
-    /// Builds a tree over some edges of a list. The last division of the mesh edges is reused if possible.
-    pub fn new(source: &EdgeList, which: &[u32], last: &mut Division) -> Self {
+    /// Builds a tree over some edges of a list. Data of the last render, and the division of its mesh edges, are reused if
+    /// possible.
+    pub fn new(source: &EdgeList, which: &[u32], division: &mut Division, last: Self) -> Self {
         if !Self::is_list(which) {
-            let divided = divided(source, which, last);
-            return Self::shaped(source, &divided, std::mem::take(&mut last.room));
+            return Self::shaped(source, &divided(source, which, division), last);
         }
         let leaves = (0..which.len()).step_by(LANES);
         let shape = Shape {
             leaves: leaves.map(|i| i..which.len().min(i + LANES)).collect(),
             ..Shape::default()
         };
-        Self::shaped(source, &(which.to_vec(), shape), Vec::new())
+        Self::shaped(source, &(which.to_vec(), shape), last)
     }
 
     /// Returns whether the edges are so few that they form a list and not a tree.
@@ -148,41 +149,68 @@ impl EdgeTree {
 
     /// Builds a tree over two parts of the edges, in which the tree over the first part alone begins at node 1. The
     /// first part must not be a list.
-    pub fn joint(source: &EdgeList, parts: [(&[u32], &mut Division); 2]) -> Self {
-        let room = std::mem::take(&mut parts[0].1.room);
-        let parts = parts.map(|(which, last)| divided(source, which, last));
-        Self::shaped(source, &joined(parts), room)
+    pub fn joint(source: &EdgeList, parts: [(&[u32], &mut Division); 2], last: Self) -> Self {
+        let parts = parts.map(|(which, division)| divided(source, which, division));
+        Self::shaped(source, &joined(parts), last)
     }
 
-    /// Builds a tree of a given shape over edges in its order. It may reuse the memory of `leaves`.
-    fn shaped(source: &EdgeList, (which, shape): &Divided, mut leaves: Vec<f32>) -> Self {
-        let numbers = LANES * LEAF * shape.leaves.len();
-        if leaves.len() != numbers {
-            leaves = vec![0.0; numbers];
+    /// Builds a tree of a given shape over edges in its order. Leaves of the last render are kept if they have the same
+    /// edges and none has changed.
+    fn shaped(source: &EdgeList, (which, shape): &Divided, mut last: Self) -> Self {
+        let (count, numbers) = (shape.leaves.len(), LANES * LEAF);
+        let mut leaves = std::mem::take(&mut last.leaves);
+        let length = if source.for_gpu { 0 } else { numbers * count };
+        if leaves.len() != length {
+            leaves = vec![0.0; length];
+            last.edges.clear();
         }
-        let mut edges = vec![NONE; LANES * shape.leaves.len()];
-        let blocks = leaves.par_chunks_mut(LANES * LEAF);
-        let blocks = blocks.zip(edges.par_chunks_mut(LANES)).zip(&shape.leaves);
-        let of_leaves = blocks.map_init(Vec::new, |seen, ((block, edges), list)| {
+        let blocks: Vec<&mut [f32]> = match source.for_gpu {
+            true => (0..count).map(|_| Default::default()).collect(),
+            false => leaves.chunks_mut(numbers).collect(),
+        };
+        let mut edges = vec![NONE; LANES * count];
+        let blocks = blocks.into_par_iter().zip(edges.par_chunks_mut(LANES));
+        let blocks = blocks.zip(&shape.leaves).enumerate();
+        let of_leaves = blocks.map_init(Vec::new, |seen, (leaf, ((block, edges), list))| {
             let list = &which[list.clone()];
             edges[..list.len()].copy_from_slice(list);
-            block.fill(0.0);
+            let before = last.edges.get(LANES * leaf..LANES * (leaf + 1));
+            if before == Some(&*edges) && !list.iter().any(|&i| source.edges.changed[i as usize]) {
+                return (last.of_leaves[leaf], false);
+            }
             seen.clear();
             seen.extend(list.iter().map(|&i| source.seen(i)));
-            for (i, (edge, velocity)) in seen.iter().enumerate() {
-                put_edge(block, i, edge, *velocity);
+            if !source.for_gpu {
+                block.fill(0.0);
+                for (i, (edge, velocity)) in seen.iter().enumerate() {
+                    put_edge(block, i, edge, *velocity);
+                }
             }
-            Bounds::new(seen)
+            (Bounds::new(seen), true)
         });
-        let of_leaves: Vec<Bounds> = of_leaves.collect();
-        let mut nodes = vec![0.0; LANES * NODE * shape.nodes.len()];
-        let mut of_nodes = vec![Bounds::new(&[]); shape.nodes.len()];
+        let (of_leaves, new_leaves): (Vec<Bounds>, Vec<bool>) = of_leaves.unzip();
+        let all = shape.nodes.concat();
+        let mut nodes = std::mem::take(&mut last.nodes);
+        let (mut of_nodes, mut new_nodes) = (last.of_nodes, vec![false; shape.nodes.len()]);
+        if last.children != all {
+            nodes = vec![0.0; LANES * NODE * shape.nodes.len()];
+            of_nodes = vec![Bounds::new(&[]); shape.nodes.len()];
+            new_nodes.fill(true);
+        }
         let mut parts = Vec::with_capacity(LANES);
         // Children come after their parents.
         let blocks = nodes.chunks_mut(LANES * NODE).zip(&shape.nodes);
         for (at, (block, children)) in blocks.enumerate().rev() {
+            let children = children.iter().enumerate().filter(|(_, c)| **c != NONE);
+            let is_new = |(_, &child): (usize, &u32)| {
+                [&new_nodes, &new_leaves][child as usize % 2][child as usize / 2]
+            };
+            new_nodes[at] |= children.clone().any(is_new);
+            if !new_nodes[at] {
+                continue;
+            }
             parts.clear();
-            for (i, &child) in children.iter().enumerate().filter(|(_, c)| **c != NONE) {
+            for (i, &child) in children {
                 let list = [&of_nodes, &of_leaves][child as usize % 2];
                 let own = list[child as usize / 2];
                 set(block, i, own.subtree().numbers());
@@ -192,16 +220,13 @@ impl EdgeTree {
         }
         Self {
             nodes,
-            children: shape.nodes.concat(),
+            children: all,
             leaves,
             edges,
+            of_leaves,
+            of_nodes,
             moves: source.scene.velocities.is_some(),
         }
-    }
-
-    /// Returns its memory for another tree.
-    pub fn into_room(self) -> Vec<f32> {
-        self.leaves
     }
 
     /// Returns the part of the tree below a node, or the whole list.

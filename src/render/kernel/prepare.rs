@@ -5,6 +5,8 @@ use std::collections::HashSet;
 use std::ops::Range;
 use std::sync::Arc;
 
+#[cfg(feature = "gpu")]
+use burn::tensor::DType;
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
@@ -83,6 +85,17 @@ fn identity(tensor: &Tensor<1>) -> Option<Identity> {
     }
 }
 
+/// Returns whether kernels run on a GPU.
+pub(super) fn on_gpu(context: &Context) -> bool {
+    #[cfg(feature = "gpu")]
+    return context.dtype == DType::F32 && crate::device::runs_kernels(&context.device);
+    #[cfg(not(feature = "gpu"))]
+    {
+        let _ = context;
+        false
+    }
+}
+
 /// Packs the scenes for the kernels. Scenes without a cached BVH start from the first scene's.
 fn pack(
     hosts: &mut [HostScene],
@@ -117,7 +130,9 @@ pub(super) fn prepare(
     let context = hosts[0].context.clone();
     let lit = hosts.iter().all(HostScene::has_light);
     if interior && !options.quiet {
-        warn_of_views(batch, &hosts, &cameras, options);
+        stage("warnings", || {
+            warn_of_views(batch, &hosts, &cameras, options);
+        });
     }
     let last = last.scenes(hosts.len());
     let scenes = stage("lists and boxes", || pack(&mut hosts, &last, options));
@@ -143,9 +158,11 @@ pub(super) fn prepare(
         }
         of_views.push((wanted, places));
     }
+    let for_gpu = interior && on_gpu(&context);
     let edges = |(s, view): (usize, &Option<usize>)| {
         let wanted = &of_views[(*view)?].0;
-        Some(EdgeSets::new(&hosts[s], &scenes[s], wanted, &last[s].edges))
+        let last = &last[s].edges;
+        Some(EdgeSets::new(&hosts[s], &scenes[s], wanted, last, for_gpu))
     };
     let edge_sets: Vec<Option<Arc<EdgeSets>>> = stage("edges", || {
         moving.par_iter().enumerate().map(edges).collect()

@@ -9,6 +9,8 @@ use rayon::prelude::*;
 
 use super::forward::{Forward, Traced, camera_tiles};
 use super::prepare::Places;
+#[cfg(feature = "gpu")]
+use super::prepare::on_gpu;
 use super::rows::Rows;
 #[cfg(feature = "gpu")]
 use crate::device::stage;
@@ -228,7 +230,7 @@ impl Pass<'_> {
 #[cfg(feature = "gpu")]
 impl Pass<'_> {
     fn on_gpu(&self) -> bool {
-        self.context.dtype == DType::F32 && crate::device::runs_kernels(&self.context.device)
+        on_gpu(self.context)
     }
 
     /// Packs views to be traced together, with a cache into the buffers of the last render.

@@ -17,8 +17,9 @@ pub(super) struct Equations {
     pub variance: f64,
 }
 
-/// The damping with which the fall of the loss is predicted.
-const DECREASE: f64 = 0.01;
+/// The damping with which the fall of the loss is predicted, and the damping that makes any matrix positive definite.
+const LEAST_DAMPING: f64 = 0.01;
+const MAX_DAMPING: f64 = 1e6;
 
 /// The residuals of a render and their derivatives with respect to each number.
 pub(super) struct Linear {
@@ -71,8 +72,22 @@ impl Equations {
 
     /// Returns by how much a step with little damping would reduce the loss if the residuals were linear.
     pub fn decrease(&self) -> f64 {
-        let step = self.step(DECREASE);
-        step.map_or(f64::INFINITY, |step| -dot(&self.gradient, &step))
+        -dot(&self.gradient, &self.step_of_least_damping().1)
+    }
+
+    /// Returns a small damping and its step. The damping is as large as noise requires: larger where H has negative
+    /// eigenvalues.
+    pub fn step_of_least_damping(&self) -> (f64, Vec<f64>) {
+        let mut damping = LEAST_DAMPING;
+        loop {
+            if let Some(step) = self.step(damping) {
+                return (damping, step);
+            }
+            if damping > MAX_DAMPING {
+                return (damping, vec![0.0; self.gradient.len()]);
+            }
+            damping *= 10.0;
+        }
     }
 
     /// Returns the step for a damping λ, or `None` if H + λ·D is not positive definite. Numbers without influence do not

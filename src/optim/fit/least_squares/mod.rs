@@ -170,7 +170,7 @@ impl Residual {
 ///
 /// *Damping.* A step tries several dampings, renders the scene at each resulting point with the same seeds, and takes
 /// the point with the least loss. If all are clearly worse than the current point, the numbers stay, and the next step begins
-/// with a larger damping. The history has as values the damping, the number of steps that are averaged and the level of
+/// with a larger damping. Steps that are averaged have little damping. The history has as values the damping, the number of steps that are averaged and the level of
 /// noise of the loss; its gradient norm is the length of the step.
 ///
 /// Folders, checkpoints, pictures, the history and callbacks are those of [`Fit`].
@@ -333,14 +333,14 @@ impl<'a, M: Module> Problem<'a, M> {
         }
         let last = |name: &str| history.curve(name).last().map(|point| point.1);
         let [damping, averaged, _] = NAMES.map(last);
-        let (damping, step) = self.best(&equations, damping.unwrap_or(DAMPING), f)?;
-        // Far from the target, earlier steps do not count.
         let noise = equations.variance.sqrt();
-        let arrived = equations.decrease() < noise;
-        let averaged = if arrived {
-            averaged.unwrap_or(0.0) + 1.0
+        // Far from the target, earlier steps do not count.
+        let (damping, step, averaged) = if equations.decrease() < noise {
+            let (damping, step) = equations.step_of_least_damping();
+            (damping, step, averaged.unwrap_or(0.0) + 1.0)
         } else {
-            1.0
+            let (damping, step) = self.best(&equations, damping.unwrap_or(DAMPING), f)?;
+            (damping, step, 1.0)
         };
         let values = NAMES.into_iter().zip([damping, averaged, noise]);
         evaluation = values.fold(evaluation, |all, (name, value)| all.with_value(name, value));

@@ -1,0 +1,152 @@
+//! The nodes of trees over triangles, which the device makes from vertices: a tree in parts, each by one thread.
+
+use super::vertices::{At, OF_SCENE, TREE, lists_at, velocity, vertex};
+use crate::accel::{CHILD, CHILDREN, LEAF, OF_NODE, OTHERS};
+use crate::cube::*;
+use crate::model::{V3, splat, v3};
+use crate::trace::{HEADER, HeaderWord};
+
+/// The starts of a tree's lists in the buffers.
+#[derive(CubeType, Clone, Copy)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct TreeAt {
+    nodes: u32,
+    triangles: u32,
+    children: u32,
+    /// The nodes, starts and levels of its parts.
+    in_parts: u32,
+    starts: u32,
+    levels: u32,
+    level_count: u32,
+}
+
+/// Returns the starts of the lists of a scene's tree, given the scene's place in the table.
+#[cube]
+pub(super) fn tree_at(words: &[u32], scene: u32) -> TreeAt {
+    let header = words[scene as usize + 1] as usize * HEADER;
+    let tree = scene as usize + TREE;
+    TreeAt {
+        nodes: words[header + comptime!(HeaderWord::nodes as usize)],
+        triangles: words[header + comptime!(HeaderWord::hit_numbers as usize)],
+        children: words[tree],
+        in_parts: words[tree + 1],
+        starts: words[tree + 2],
+        levels: words[tree + 3],
+        level_count: words[tree + 4],
+    }
+}
+
+/// A box, by its lower and its upper corner.
+#[apply(record!)]
+struct Around {
+    low: V3,
+    high: V3,
+}
+
+/// Returns a box that contains nothing.
+#[cube]
+fn nothing() -> Around {
+    Around {
+        low: splat(f32::MAX),
+        high: splat(-f32::MAX),
+    }
+}
+
+/// Returns the box around a box and a triangle over the shutter time.
+#[cube]
+fn with_triangle(
+    floats: &mut [f32],
+    words: &[u32],
+    at: At,
+    triangle: u32,
+    mut around: Around,
+) -> Around {
+    let v = velocity(floats, words, at, triangle);
+    for corner in 0..3u32 {
+        let row = words[(at.rows + 3 * triangle + corner) as usize];
+        let p = vertex(floats, at, row);
+        around.low = around.low.min(p).min(p + v);
+        around.high = around.high.max(p).max(p + v);
+    }
+    around
+}
+
+/// Returns three numbers of a node, one for each axis.
+#[cube]
+fn of_axes(floats: &mut [f32], first: u32) -> V3 {
+    let i = first as usize;
+    v3(floats[i], floats[i + 4], floats[i + 8])
+}
+
+/// Sets three numbers of a node, one for each axis.
+#[cube]
+fn set_of_axes(floats: &mut [f32], first: u32, v: V3) {
+    let i = first as usize;
+    floats[i] = v.x;
+    floats[i + 4] = v.y;
+    floats[i + 8] = v.z;
+}
+
+/// Writes a node: the boxes of both children, around the triangles of leaves and the boxes of nodes, and the children.
+#[cube]
+fn make_node(floats: &mut [f32], words: &[u32], at: At, tree: TreeAt, node: u32) {
+    let to = tree.nodes + OF_NODE * node;
+    for side in 0..2u32 {
+        let child = words[(tree.children + 2 * node + side) as usize];
+        let mut around = nothing();
+        if child < LEAF {
+            let below = tree.nodes + 4 * (child - CHILD);
+            around.low = of_axes(floats, below).min(of_axes(floats, below + 1));
+            around.high = of_axes(floats, below + 2).max(of_axes(floats, below + 3));
+        } else {
+            let mut place = tree.triangles + (child & comptime!((1u32 << OTHERS) - 1));
+            let past = place + ((child >> OTHERS) & 3) + 1;
+            while place < past {
+                let triangle = words[place as usize];
+                around = with_triangle(floats, words, at, triangle, around);
+                place += 1;
+            }
+        }
+        set_of_axes(floats, to + side, around.low);
+        set_of_axes(floats, to + 2 + side, around.high);
+        floats[(to + CHILDREN + side) as usize] = f32::from_bits(child);
+    }
+}
+
+/// Writes all nodes of a part.
+#[cube]
+pub(super) fn make_part(floats: &mut [f32], words: &[u32], at: At, tree: TreeAt, part: u32) {
+    let mut k = words[(tree.starts + part) as usize];
+    let past = words[(tree.starts + part) as usize + 1];
+    while k < past {
+        let node = words[(tree.in_parts + k) as usize];
+        make_node(floats, words, at, tree, node);
+        k += 1;
+    }
+}
+
+/// Makes the nodes of a level of all scenes' trees, with `most` threads for each scene. Each thread makes one part.
+#[cube(launch)]
+pub(super) fn make_nodes(
+    floats: &mut [f32],
+    words: &[u32],
+    table: u32,
+    scenes: u32,
+    level: u32,
+    most: u32,
+    #[comptime] moves: bool,
+) {
+    let index = ABSOLUTE_POS as u32;
+    if index < scenes * most {
+        let scene = table + index / most * OF_SCENE as u32;
+        let tree = tree_at(words, scene);
+        if level < tree.level_count {
+            let first = (tree.levels + level) as usize;
+            let part = words[first] + index % most;
+            if part < words[first + 1] {
+                let at = lists_at(words, scene, moves);
+                make_part(floats, words, at, tree, part);
+            }
+        }
+    }
+}
