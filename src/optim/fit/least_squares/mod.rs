@@ -27,8 +27,8 @@ const DAMPING: f64 = 1.0;
 const MIN_DAMPING: f64 = 1e-6;
 const MAX_DAMPING: f64 = 1e6;
 const FACTOR: f64 = 10.0;
-/// The samples of a trial, relative to those of a step.
-const TRIAL: f64 = 0.5;
+/// The samples of residuals, relative to those of derivatives: near the target, their noise is most of the noise of a step.
+const RESIDUAL: u32 = 4;
 /// The names of values in the history: the damping, the number of steps that are averaged, and the level of noise below
 /// which losses are not distinguished.
 const NAMES: [&str; 3] = ["damping", "averaged", "noise"];
@@ -100,10 +100,6 @@ impl Residual {
         )
     }
 
-    fn options(&self, seed: u64) -> RenderOptions {
-        self.options.clone().with_seed(seed)
-    }
-
     /// Returns the values of the pyramids of images `[B, H, W, 3]`, for each image one list. They are scaled so that the sum
     /// of their squares is the mean over levels of the mean square.
     fn flattened(&self, images: Tensor<4>) -> Result<Vec<Vec<f64>>> {
@@ -121,34 +117,36 @@ impl Residual {
         Ok(all)
     }
 
-    /// Returns the residuals of an image.
-    fn residuals(&self, image: Tensor<3>) -> Result<Vec<f64>> {
+    /// Renders an image and returns it with its residuals. There are `times` as many samples as for derivatives.
+    fn residuals(&self, seed: u64, times: u32) -> Result<(Tensor<3>, Vec<f64>)> {
+        let samples = self.options.samples.saturating_mul(times);
+        let options = self.options.clone().with_samples(samples).with_seed(seed);
+        let image = detached(&render(&self.scene, &self.camera, &options)?.radiance);
         let target = detached(&self.target).cast(image.dtype());
-        let difference = detached(&image) - target.to_device(&image.device().inner());
+        let difference = image.clone() - target.to_device(&image.device());
         let mut all = self.flattened(difference.unsqueeze())?;
-        Ok(all.swap_remove(0))
+        Ok((image, all.swap_remove(0)))
     }
 
     /// Returns an image, its residuals and their derivatives.
-    fn linear(&self, tangents: &[Tangent], seed: u64) -> Result<(Tensor<3>, Linear)> {
-        let options = self.options(seed);
+    fn linear(&self, tangents: &[Tangent], [seed, other]: [u64; 2]) -> Result<(Tensor<3>, Linear)> {
+        let (image, residuals) = self.residuals(other, RESIDUAL)?;
+        let options = self.options.clone().with_seed(seed);
         let all = render_derivative(&self.scene, &self.camera, &options, tangents)?;
-        let linear = Linear {
-            residuals: self.residuals(all.image.radiance.clone())?,
-            by_number: self.flattened(all.tangents.radiance)?,
-        };
-        Ok((all.image.radiance, linear))
+        let by_number = self.flattened(all.tangents.radiance)?;
+        Ok((
+            image,
+            Linear {
+                residuals,
+                by_number,
+            },
+        ))
     }
 
     /// Returns the loss from two renders.
     fn loss(&self, seeds: [u64; 2]) -> Result<f64> {
-        let samples = (f64::from(self.options.samples) * TRIAL).ceil() as u32;
-        let [a, b] = seeds.map(|seed| {
-            let options = self.options(seed).with_samples(samples);
-            let image = render(&self.scene, &self.camera, &options)?;
-            self.residuals(image.radiance)
-        });
-        Ok(a?.iter().zip(&b?).map(|(a, b)| a * b).sum())
+        let [a, b] = seeds.map(|seed| self.residuals(seed, 1));
+        Ok(a?.1.iter().zip(&b?.1).map(|(a, b)| a * b).sum())
     }
 }
 
@@ -159,10 +157,10 @@ impl Residual {
 /// the images are smooth functions of the numbers, it arrives in about ten steps. Far from the target, give it a wide
 /// blur at first ([`LeastSquares::with_blur`]), as for gradient descent.
 ///
-/// *Noise.* A step renders twice, with independent seeds, and multiplies only values of different renders: residuals with
-/// derivatives, and derivatives with derivatives. So noise biases neither the gradient nor the matrix. The solution, which
-/// divides by the matrix, has a bias of the order of the matrix's variance: it makes steps a little too long or too
-/// short, and does not move the point at which the fit ends.
+/// *Noise.* A step renders all derivatives twice, and two images with four times as many samples, each with a seed of its own.
+/// It multiplies only values of different renders: residuals with derivatives, and derivatives with derivatives. So noise
+/// biases neither the gradient nor the matrix. The solution, which divides by the matrix, has a bias of the order of the
+/// matrix's variance: it makes steps a little too long or too short, and does not move the point at which the fit ends.
 ///
 /// Where the loss would fall by less than its noise, each step is an estimate of the target with noise of its own. From there
 /// on the fit takes the mean of these estimates: step n of them moves the numbers by 1/n of the solution. So more steps
@@ -303,7 +301,7 @@ impl<'a, M: Module> Problem<'a, M> {
         })
     }
 
-    /// Returns the seeds of a pair of renders of a view. The first pair is for derivatives, the second for trials.
+    /// Returns the seeds of a pair of renders of a view. The first pair is for derivatives, the second for images.
     fn seeds(&self, view: usize, pair: u64) -> [u64; 2] {
         let first = 4 * view as u64 + 2 * pair;
         [first, first + 1].map(|render| self.step.seed(render))
@@ -377,9 +375,8 @@ impl<'a, M: Module> Problem<'a, M> {
         let mut all: Option<Equations> = None;
         for (index, view) in views.iter().enumerate() {
             let tangents: Vec<Tangent> = by_number.iter().map(|of| of[index].clone()).collect();
-            let [a, b] = self
-                .seeds(index, 0)
-                .map(|seed| view.linear(&tangents, seed));
+            let seeds = [0, 1].map(|pair| self.seeds(index, pair));
+            let [a, b] = [0, 1].map(|k| view.linear(&tangents, seeds.map(|pair| pair[k])));
             let ((image, a), (_, b)) = (a?, b?);
             let own = Equations::new(&a, &b);
             match &mut all {
