@@ -164,7 +164,7 @@ impl Problem for Posed {
     }
 
     fn residual(&self, pose: &Pose, step: &Step) -> softray::Result<Residual> {
-        let options = step.options(&self.options.clone().with_samples(32), 0);
+        let options = step.options(&self.options.clone().with_samples(16), 0);
         let camera = camera(pose.eye.val(), pose.target.val());
         let target = self.target.clone();
         Ok(Residual::new(self.scene.clone(), camera, options, target)

@@ -5,7 +5,7 @@ pub(crate) mod common;
 use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use clap::Parser;
-use softray::optim::{BlurSchedule, Evaluation, Rate, Residual, Step};
+use softray::optim::{BlurSchedule, Evaluation, Rate, Step};
 use softray::prelude::*;
 
 use common::study::{Arguments, Failure, Goal, Outcome, Problem, Study, distance, numbers};
@@ -71,21 +71,6 @@ impl Problem for Shadow {
             .with_value("z", at[2])
             .with_value("distance", self.error(caster)))
     }
-
-    fn residual(&self, caster: &Caster, step: &Step) -> softray::Result<Residual> {
-        let scene = self.scene(caster.offset.val())?;
-        let at = numbers(&caster.offset.val());
-        let angle = step.blur().unwrap_or(0.0);
-        let options = self.goal.options.clone().with_samples(64);
-        let options = options.with_visibility(Visibility::Cone { angle, pixels: 0.5 });
-        let (camera, target) = (self.goal.camera.clone(), self.goal.image.clone());
-        Ok(Residual::new(scene, camera, options, target)
-            .with_levels(3)
-            .with_value("x", at[0])
-            .with_value("y", at[1])
-            .with_value("z", at[2])
-            .with_value("distance", self.error(caster)))
-    }
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
@@ -97,18 +82,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         arguments,
         arguments.either(240, 400),
     );
-    let module = shadow.start(START[0]);
-    let schedule = BlurSchedule::decay(66.0, 1.0, study.steps() * 2 / 3)?;
-    let fitted = if arguments.least_squares {
-        let fit = study.least_squares(module).with_blur(schedule);
-        fit.run(|caster, step| Ok(vec![shadow.residual(caster, step)?]))?
-    } else {
-        study
-            .fit(module, AdamConfig::new().with_beta_2(0.99).init())
-            .with_rate(Rate::exponential(0.06, 0.006))
-            .with_blur(schedule)
-            .run(|caster: &Caster, step: &_| shadow.evaluate(caster, step))?
-    };
+    let fitted = study
+        .fit(
+            shadow.start(START[0]),
+            AdamConfig::new().with_beta_2(0.99).init(),
+        )
+        .with_rate(Rate::exponential(0.06, 0.006))
+        .with_blur(BlurSchedule::decay(66.0, 1.0, study.steps() * 2 / 3)?)
+        .run(|caster: &Caster, step: &_| shadow.evaluate(caster, step))?;
 
     let found = numbers(&fitted.module.offset.val());
     let place = |at: &[f64]| {

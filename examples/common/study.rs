@@ -179,7 +179,7 @@ impl Outcome {
 }
 
 /// The number of steps of a fit by least squares.
-const LEAST_SQUARES_STEPS: usize = 12;
+const LEAST_SQUARES_STEPS: usize = 10;
 
 type Images = Rc<RefCell<Vec<(usize, HostImage)>>>;
 
