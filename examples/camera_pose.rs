@@ -162,7 +162,10 @@ impl Problem for Posed {
             .with_image("render", a)
             .with_target("render", self.target.clone()))
     }
+}
 
+impl Posed {
+    /// Returns the view of a step for a fit by least squares.
     fn residual(&self, pose: &Pose, step: &Step) -> softray::Result<Residual> {
         let options = step.options(&self.options.clone().with_samples(16), 0);
         let camera = camera(pose.eye.val(), pose.target.val());

@@ -11,9 +11,7 @@ use burn::optim::ModuleOptimizer;
 use clap::Parser;
 use softray::figure::{Figure, Panel, Plot};
 use softray::io::Animation;
-use softray::optim::{
-    Evaluation, Fit, Fitted, LeastSquares, Report, Residual, Step, loss, pixel_angle,
-};
+use softray::optim::{Evaluation, Fit, Fitted, LeastSquares, Report, Step, loss, pixel_angle};
 use softray::prelude::*;
 
 pub type Failure = Box<dyn Error>;
@@ -154,11 +152,6 @@ pub trait Problem {
 
     /// Returns the loss of a step.
     fn evaluate(&self, module: &Self::Module, step: &Step) -> softray::Result<Evaluation>;
-
-    /// Returns the view of a step for a fit by least squares. Problems without one can't be fitted so.
-    fn residual(&self, _: &Self::Module, _: &Step) -> softray::Result<Residual> {
-        unimplemented!("this problem has no least squares")
-    }
 }
 
 /// The result of a fit: the distance of the parameters from the target's.
@@ -224,6 +217,10 @@ impl<'a> Study<'a> {
         module: M,
         optimizer: impl Into<ModuleOptimizer>,
     ) -> Fit<M> {
+        if self.arguments.least_squares {
+            let message = "this example has no --least-squares\n";
+            clap::Error::raw(clap::error::ErrorKind::UnknownArgument, message).exit();
+        }
         let fit = Fit::new(module, optimizer, self.steps)
             .with_seed(self.arguments.seed)
             .with_folder(self.folder())

@@ -8,7 +8,7 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use super::build_materials::{Materials, untextured};
 use super::description::{Corners, Description, MeshDescription, ObjectDescription};
-use super::limits::Place;
+use super::files::Place;
 use crate::error::Result;
 use crate::scene::{CornerAttribute, List, Material, Mesh, Object, Scene, host_tensor};
 

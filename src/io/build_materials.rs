@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, HashMap};
 use burn::tensor::{Device, Tensor};
 
 use super::description::{Alpha, Color, Description, ExtraBsdf, MaterialDescription, TextureUse};
-use super::limits::Place;
+use super::files::Place;
 use super::textures::Textures;
 use crate::error::Result;
 use crate::geometry::host_values;

@@ -6,6 +6,8 @@ use std::io::{BufRead, BufReader, Cursor, ErrorKind, Read, Seek};
 use std::ops::Deref;
 use std::path::{Component, Path, PathBuf};
 
+use burn::tensor::Device;
+
 use super::LoadLimits;
 use crate::error::{Error, Result, one_of};
 
@@ -50,6 +52,14 @@ pub(super) struct Files<'a> {
     limits: &'a LoadLimits,
     /// `None` for the file system.
     memory: Option<&'a MemoryFiles>,
+}
+
+/// A file that is read, where it and the files that it refers to are, and the device of its tensors.
+#[derive(Clone, Copy)]
+pub(super) struct Place<'a> {
+    pub path: &'a Path,
+    pub files: Files<'a>,
+    pub device: &'a Device,
 }
 
 impl Deref for Files<'_> {

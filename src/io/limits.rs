@@ -2,10 +2,8 @@
 
 use std::path::Path;
 
-use burn::tensor::Device;
 use serde::de::DeserializeOwned;
 
-use super::files::Files;
 use crate::error::{Error, Result};
 
 /// Limits on the size of loaded files, and on the files that they may refer to.
@@ -36,14 +34,6 @@ pub(super) const TEXEL: u64 = 4;
 /// that uses each array and image once takes about `PER_BYTE`.
 const MIN_MEMORY: u64 = 3 << 28;
 const PER_BYTE: u64 = 64;
-
-/// A file that is read, where it and the files that it refers to are, and the device of its tensors.
-#[derive(Clone, Copy)]
-pub(super) struct Place<'a> {
-    pub path: &'a Path,
-    pub files: Files<'a>,
-    pub device: &'a Device,
-}
 
 /// The memory that the parts of a file take.
 #[derive(Clone, Copy, Debug, Default)]

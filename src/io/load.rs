@@ -5,8 +5,7 @@ use std::path::Path;
 use burn::tensor::Device;
 
 use super::description::NamedCamera;
-use super::files::Files;
-use super::limits::Place;
+use super::files::{Files, Place};
 use super::whole::ending;
 use super::{build, gltf, obj, ply};
 use crate::error::Result;

@@ -5,8 +5,8 @@ use burn::tensor::Device;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use super::files::{Files, MemoryFiles};
-use super::limits::{Place, parse_json};
+use super::files::{Files, MemoryFiles, Place};
+use super::limits::parse_json;
 use super::load::{SCENES, load};
 use super::scene_materials::MaterialDocument;
 use super::whole::ending;

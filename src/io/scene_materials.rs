@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::HostImage;
 use super::decode::Decoded;
-use super::limits::Place;
+use super::files::Place;
 use crate::error::{Error, Result};
 use crate::scene::{ColorTexture, Material, ScalarTexture};
 

@@ -9,7 +9,8 @@ use burn::tensor::{Tensor, TensorData};
 
 use super::decode::{Decoded, check_size};
 use super::description::{Description, ImageSource, TextureUse};
-use super::limits::{Memory, Place, TEXEL};
+use super::files::Place;
+use super::limits::{Memory, TEXEL};
 use crate::error::{Error, Result};
 
 /// The part of an image that a texture uses.

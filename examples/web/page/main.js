@@ -271,8 +271,7 @@ const show = {
   },
   time: count,
   failed({ message, fatal }) {
-    const rest = fatal ? ' The renderer was started again.' : '';
-    $('failure').textContent = `The renderer stopped: ${message}.${rest}`;
+    $('failure').textContent = fatal ? `The renderer stopped and was started again: ${message}.` : message;
     $('failure').hidden = false;
     end();
     if (fatal) begin();
@@ -282,6 +281,7 @@ const show = {
 function begin() {
   worker?.terminate();
   ready = false;
+  for (const id of ['fit', 'other']) $(id).disabled = true;
   following = false;
   worker = new Worker(new URL('worker.js', import.meta.url), { type: 'module' });
   worker.onmessage = ({ data }) => show[data.kind](data);
