@@ -198,7 +198,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let start = [START_EYE, START_TARGET].concat();
     let schedule = BlurSchedule::auto(&posed.scene, &posed.goal(), size, study.steps())?;
     let module = posed.start(far(&start));
-    let fitted = if arguments.least_squares {
+    let fitted = if study.by_least_squares() {
         let fit = study.least_squares(module).with_blur(schedule);
         fit.run(|pose, step| Ok(vec![posed.residual(pose, step)?]))?
     } else {

@@ -6,7 +6,7 @@ use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use burn::tensor::TensorData;
 use clap::Parser;
-use softray::optim::{Evaluation, Rate, Residual, loss};
+use softray::optim::{Evaluation, Fitted, Rate, Residual, loss};
 use softray::prelude::*;
 
 use common::study::{Arguments, Failure, Outcome, Study, distance, numbers, picture};
@@ -63,6 +63,50 @@ fn scene(device: &Device) -> Scene {
     scene
 }
 
+/// Fits the lens of a camera to the target.
+fn fit(
+    study: &Study,
+    module: Lens,
+    scene: &Scene,
+    camera: &impl Fn(Tensor<1>, Tensor<1>) -> Camera,
+    options: &RenderOptions,
+    target: &Tensor<3>,
+) -> softray::Result<Fitted<Lens>> {
+    let view = |lens: &Lens| {
+        let both = lens.logs.val().exp();
+        let camera = camera(both.clone().slice([0..1]), both.clone().slice([1..2]));
+        (camera, numbers(&both))
+    };
+    if study.by_least_squares() {
+        study.least_squares(module).run(|lens, _| {
+            let (camera, both) = view(lens);
+            let options = options.clone().with_samples(64);
+            let residual = Residual::new(scene.clone(), camera, options, target.clone());
+            Ok(vec![
+                residual
+                    .with_value("aperture", both[0])
+                    .with_value("focus", both[1]),
+            ])
+        })
+    } else {
+        study
+            .fit(module, AdamConfig::new().with_beta_2(0.99).init())
+            .with_rate(Rate::cosine(0.03))
+            .run(|lens: &Lens, step: &_| {
+                let (camera, both) = view(lens);
+                let few = options.clone().with_samples(16);
+                let see = |k| render(scene, &camera, &step.options(&few, k));
+                let (a, b) = (see(0)?.radiance, see(1)?.radiance);
+                let loss = loss::mse_unbiased(a.clone(), b, target.clone())?;
+                Ok(Evaluation::new(loss)
+                    .with_value("aperture", both[0])
+                    .with_value("focus", both[1])
+                    .with_image("render", a)
+                    .with_target("render", target.clone()))
+            })
+    }
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
     let scene = scene(&device);
@@ -98,39 +142,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let module = Lens {
         logs: Param::from_tensor(start),
     };
-    let view = |lens: &Lens| {
-        let both = lens.logs.val().exp();
-        let camera = camera(both.clone().slice([0..1]), both.clone().slice([1..2]));
-        (camera, numbers(&both))
-    };
-    let fitted = if arguments.least_squares {
-        study.least_squares(module).run(|lens, _| {
-            let (camera, both) = view(lens);
-            let options = options.clone().with_samples(64);
-            let residual = Residual::new(scene.clone(), camera, options, target.clone());
-            Ok(vec![
-                residual
-                    .with_value("aperture", both[0])
-                    .with_value("focus", both[1]),
-            ])
-        })?
-    } else {
-        study
-            .fit(module, AdamConfig::new().with_beta_2(0.99).init())
-            .with_rate(Rate::cosine(0.03))
-            .run(|lens: &Lens, step: &_| {
-                let (camera, both) = view(lens);
-                let few = options.clone().with_samples(16);
-                let see = |k| render(&scene, &camera, &step.options(&few, k));
-                let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-                let loss = loss::mse_unbiased(a.clone(), b, target.clone())?;
-                Ok(Evaluation::new(loss)
-                    .with_value("aperture", both[0])
-                    .with_value("focus", both[1])
-                    .with_image("render", a)
-                    .with_target("render", target.clone()))
-            })?
-    };
+    let fitted = fit(&study, module, &scene, &camera, &options, &target)?;
 
     let found = numbers(&fitted.module.logs.val().exp());
     let images = [

@@ -6,7 +6,7 @@ use burn::module::{Module, Param};
 use burn::optim::AdamConfig;
 use burn::tensor::activation::sigmoid;
 use clap::Parser;
-use softray::optim::{Evaluation, Rate, Residual, loss};
+use softray::optim::{Evaluation, Fitted, Rate, Residual, loss};
 use softray::prelude::*;
 
 use common::study::{Arguments, Failure, Outcome, Study, distance, numbers, picture};
@@ -51,6 +51,66 @@ fn logits(albedo: &[f64]) -> Vec<f64> {
     albedo.iter().map(|a| (a / (1.0 - a)).ln()).collect()
 }
 
+/// Returns k_d, k_s and the logarithm of the exponent.
+fn all(s: &Surface) -> Vec<f64> {
+    let (diffuse, specular) = (sigmoid(s.diffuse.val()), sigmoid(s.specular.val()));
+    [diffuse, specular, s.shininess.val()]
+        .map(|t| numbers(&t))
+        .concat()
+}
+
+/// Fits the surface to the target.
+fn fit(
+    study: &Study,
+    module: Surface,
+    camera: &Camera,
+    options: &RenderOptions,
+    target: &Tensor<3>,
+) -> softray::Result<Fitted<Surface>> {
+    let device = target.device();
+    let of_module = |surface: &Surface| {
+        scene(
+            sigmoid(surface.diffuse.val()),
+            sigmoid(surface.specular.val()),
+            surface.shininess.val().exp(),
+            &device,
+        )
+    };
+    let values = |surface: &Surface| {
+        let all = all(surface);
+        [
+            ("diffuse", distance(&all[..3], &TARGET[..3])),
+            ("specular", distance(&all[3..6], &TARGET[3..6])),
+            ("ln shininess", (all[6] - TARGET[6]).abs()),
+        ]
+    };
+    if study.by_least_squares() {
+        study.least_squares(module).run(|surface, _| {
+            let options = options.clone().with_samples(32);
+            let scene = of_module(surface);
+            let residual = Residual::new(scene, camera.clone(), options, target.clone());
+            let with_value = |all: Residual, (name, value)| all.with_value(name, value);
+            Ok(vec![values(surface).into_iter().fold(residual, with_value)])
+        })
+    } else {
+        study
+            .fit(module, AdamConfig::new().with_beta_2(0.99).init())
+            .with_rate(Rate::cosine(0.06))
+            .run(|surface: &Surface, step: &_| {
+                let scene = of_module(surface);
+                let few = options.clone().with_samples(8);
+                let see = |k| render(&scene, camera, &step.options(&few, k));
+                let (a, b) = (see(0)?.radiance, see(1)?.radiance);
+                let loss = loss::mse_unbiased(a.clone(), b, target.clone())?;
+                let evaluation = Evaluation::new(loss)
+                    .with_image("render", a)
+                    .with_target("render", target.clone());
+                let with_value = |all: Evaluation, (name, value)| all.with_value(name, value);
+                Ok(values(surface).into_iter().fold(evaluation, with_value))
+            })
+    }
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
     let camera = Camera::look_at([0.0, 0.8, 4.0], [0.0, 0.0, 0.0]).with_fov_y(36.0);
@@ -81,53 +141,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         specular: leaf(&logits(&START[3..6])),
         shininess: leaf(&START[6..]),
     };
-    let all = |s: &Surface| {
-        let (diffuse, specular) = (sigmoid(s.diffuse.val()), sigmoid(s.specular.val()));
-        [diffuse, specular, s.shininess.val()]
-            .map(|t| numbers(&t))
-            .concat()
-    };
-    let of_module = |surface: &Surface| {
-        scene(
-            sigmoid(surface.diffuse.val()),
-            sigmoid(surface.specular.val()),
-            surface.shininess.val().exp(),
-            &device,
-        )
-    };
-    let values = |surface: &Surface| {
-        let all = all(surface);
-        [
-            ("diffuse", distance(&all[..3], &TARGET[..3])),
-            ("specular", distance(&all[3..6], &TARGET[3..6])),
-            ("ln shininess", (all[6] - TARGET[6]).abs()),
-        ]
-    };
-    let fitted = if arguments.least_squares {
-        study.least_squares(module).run(|surface, _| {
-            let options = options.clone().with_samples(32);
-            let scene = of_module(surface);
-            let residual = Residual::new(scene, camera.clone(), options, target.clone());
-            let with_value = |all: Residual, (name, value)| all.with_value(name, value);
-            Ok(vec![values(surface).into_iter().fold(residual, with_value)])
-        })?
-    } else {
-        study
-            .fit(module, AdamConfig::new().with_beta_2(0.99).init())
-            .with_rate(Rate::cosine(0.06))
-            .run(|surface: &Surface, step: &_| {
-                let scene = of_module(surface);
-                let few = options.clone().with_samples(8);
-                let see = |k| render(&scene, &camera, &step.options(&few, k));
-                let (a, b) = (see(0)?.radiance, see(1)?.radiance);
-                let loss = loss::mse_unbiased(a.clone(), b, target.clone())?;
-                let evaluation = Evaluation::new(loss)
-                    .with_image("render", a)
-                    .with_target("render", target.clone());
-                let with_value = |all: Evaluation, (name, value)| all.with_value(name, value);
-                Ok(values(surface).into_iter().fold(evaluation, with_value))
-            })?
-    };
+    let fitted = fit(&study, module, &camera, &options, &target)?;
 
     let found = all(&fitted.module);
     let images = [

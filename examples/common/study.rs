@@ -211,6 +211,10 @@ impl<'a> Study<'a> {
         self.steps
     }
 
+    pub fn by_least_squares(&self) -> bool {
+        self.arguments.least_squares
+    }
+
     /// Creates a fit that writes its history to the example's folder and keeps the first image of four steps.
     pub fn fit<M: Module + 'static>(
         &self,

@@ -27,6 +27,9 @@ pub struct Tangent {
     pub(super) values: HashMap<ParameterId, Vec<f64>>,
 }
 
+/// The scene and the camera of each view.
+pub(crate) type Views = Vec<(Scene, Camera)>;
+
 impl fmt::Debug for Tangent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let values = self.values.iter();
@@ -129,7 +132,7 @@ impl Tangent {
     pub(crate) fn of_views(
         numbers: &[f64],
         shapes: &[Values],
-        build: &mut dyn FnMut(&[f64]) -> Result<Vec<(Scene, Camera)>>,
+        build: &mut dyn FnMut(&[f64]) -> Result<Views>,
     ) -> Result<Vec<Vec<Self>>> {
         let mut at = numbers.to_vec();
         let of_number = |(k, &number): (usize, &f64)| {
