@@ -18,6 +18,7 @@ pub(crate) mod remote;
 mod tangent;
 mod tensors;
 mod tiles;
+mod values;
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -43,7 +44,7 @@ pub use overview::overview;
 pub(crate) use remote::client::finish;
 pub use tangent::Tangent;
 #[cfg(feature = "fit")]
-pub(crate) use tangent::Values;
+pub(crate) use values::Values;
 
 /// Renders a scene and returns an image `[H, W, 3]`.
 ///

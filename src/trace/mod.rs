@@ -1,6 +1,6 @@
 //! The stages of a path: small functions over the lists of a scene, with one source for the host and for GPU kernels.
 //!
-//! `scene` defines the lists, and `features` what they contain. `corners`, `texture` and `surface` build the surface
+//! `scene` defines the lists, `features` what they contain, and `pixel` what a camera ray sees. `corners`, `texture` and `surface` build the surface
 //! point that a ray hits, `lights` connects it to lights, and `leaving` continues the path, with random `numbers`.
 //! `edge_search`, `edge_points`, `edge_sides`, `jumps` and `film` compute boundary terms at edges.
 //!
@@ -27,6 +27,7 @@ mod leaving;
 mod lights;
 mod numbers;
 mod parts;
+mod pixel;
 mod scene;
 mod seen;
 mod sums;
@@ -45,6 +46,7 @@ pub(crate) use leaving::*;
 pub(crate) use lights::*;
 pub(crate) use numbers::*;
 pub(crate) use parts::*;
+pub(crate) use pixel::*;
 pub(crate) use scene::*;
 pub(crate) use seen::*;
 pub(crate) use sums::*;

@@ -7,8 +7,8 @@ use std::cell::Cell;
 
 use super::Derivatives;
 use super::parts::{CAMERAS, LIGHTS, OF_LIGHT};
+use super::pixel::Seen;
 use super::scene::Scene;
-use super::seen::Seen;
 #[cfg(feature = "gpu")]
 use super::totals::{Totals, TotalsExpand};
 use crate::cube::*;

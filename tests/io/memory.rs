@@ -103,7 +103,7 @@ fn what_is_not_in_memory_is_named() {
             folder.write(&files[missing].0, &files[missing].1);
             let rest: Vec<File> = [&files[..missing], &files[missing + 1..]].concat();
             let gone = files[missing].0.as_str();
-            // Only the scene file itself names no other file that needs it.
+            // No other file names the scene file.
             if name == gone || gone != "s.json" {
                 let error = message(from_bytes(name, &rest));
                 let last = gone.rsplit('/').next().expect("a name");
