@@ -16,35 +16,36 @@ use clap::Parser;
 use softray::burn;
 use softray::remote::RenderService;
 
+/// A server that renders for its clients.
 #[derive(Parser)]
-pub struct Arguments {
+struct Arguments {
     /// Address for WebSocket. Port 0 takes a free one, which is printed.
     #[arg(long, default_value = "127.0.0.1:3000", conflicts_with = "iroh")]
-    pub bind: SocketAddr,
+    bind: SocketAddr,
     /// Serve over Iroh in place of WebSocket, with the identity in this file, which is made if it is not there.
     #[arg(long, value_name = "FILE")]
-    pub iroh: Option<PathBuf>,
+    iroh: Option<PathBuf>,
     /// Device, as in BURN_DEVICE; may be repeated.
     #[arg(long = "device", default_value = "flex")]
-    pub devices: Vec<String>,
+    devices: Vec<String>,
     /// File with the token that clients must present. Only its owner should be able to read it.
     #[arg(long, value_name = "FILE", required_unless_present = "without_token")]
-    pub token_file: Option<PathBuf>,
+    token_file: Option<PathBuf>,
     /// Serve every client that reaches the address.
     #[arg(long, conflicts_with = "token_file")]
-    pub without_token: bool,
+    without_token: bool,
     /// Maximum number of pixels of a render, over all of its views.
     #[arg(long, default_value_t = 1 << 26)]
-    pub max_pixels: u64,
+    max_pixels: u64,
     /// Maximum number of samples of a render, over all pixels of all of its views.
     #[arg(long, default_value_t = 1 << 36)]
-    pub max_samples: u64,
+    max_samples: u64,
     /// Maximum memory of the images of a render, in MB.
     #[arg(long, default_value_t = 4096)]
-    pub max_memory: u64,
+    max_memory: u64,
     /// Number of forward passes that are kept for their backward passes.
     #[arg(long, default_value_t = 8)]
-    pub kept: usize,
+    kept: usize,
 }
 
 /// Logs each session that a client opens.

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::scene::{Camera, Scene, check_devices, host_device, visit_tensors};
 
 /// An image and its derivatives, by [`render_derivative`].
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct ImageDerivative {
     /// The image, from the same samples as its derivatives.
     pub image: Image,

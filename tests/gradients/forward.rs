@@ -271,7 +271,7 @@ fn derivatives_by_a_lens_have_little_noise() {
     let (scene, camera, tangents) = lens(&device);
     let (size, samples, limit) = match crate::common::long() {
         true => (64, 512, 0.1),
-        false => (32, 64, 0.3),
+        false => (32, 64, 0.6),
     };
     let options = RenderOptions::new(size, size)
         .with_samples(samples)

@@ -94,7 +94,7 @@ fn a_wrong_scene_is_the_error_of_its_device() {
         let image = render(&scene, &camera, &options()).expect("an image");
         let gradients = image.radiance.mean().backward();
         assert!(vertices.grad(&gradients).is_some());
-        wrong.err().expect("NaN is no vertex").to_string()
+        wrong.expect_err("NaN is no vertex").to_string()
     });
     assert_eq!(errors[0], errors[1]);
 }

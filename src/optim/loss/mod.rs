@@ -17,7 +17,9 @@ use burn::tensor::Tensor;
 use crate::error::{Error, Result};
 
 pub use points::{chamfer, f_score};
-pub(crate) use pyramid::{check_levels, halves};
+pub(crate) use pyramid::check_levels;
+#[cfg(feature = "fit")]
+pub(crate) use pyramid::halves;
 pub use pyramid::{multi_scale, multi_scale_unbiased, pyramid};
 pub use silhouette::{iou, silhouette_iou};
 pub use structure::{dssim, ssim};
