@@ -18,7 +18,7 @@ use softray::remote::RenderService;
 
 /// A server that renders for its clients.
 #[derive(Parser)]
-struct Arguments {
+pub struct Arguments {
     /// Address for WebSocket. Port 0 takes a free one, which is printed.
     #[arg(long, default_value = "127.0.0.1:3000", conflicts_with = "iroh")]
     bind: SocketAddr,
