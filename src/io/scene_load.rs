@@ -69,7 +69,7 @@ impl Scene {
     /// let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n";
     /// let files = [("a.obj", obj), ("a.mtl", "newmtl red\nKd 0.8 0.1 0.1\n")];
     /// let scene = Scene::from_bytes("a.obj", files, &Device::flex(), &LoadLimits::default())?;
-    /// assert_eq!(scene.names().count(), 1);
+    /// assert_eq!(scene.objects.len(), 1);
     /// # Ok::<(), softray::Error>(())
     /// ```
     ///

@@ -84,7 +84,7 @@ impl<M: Module> Fit<M> {
     /// ```
     /// use burn::module::{Module, Param};
     /// use burn::optim::AdamConfig;
-    /// use softray::optim::{Evaluation, Fit, Part, loss};
+    /// use softray::optim::{Evaluation, Fit, Part};
     /// use softray::prelude::*;
     ///
     /// #[derive(Module, Debug)]
@@ -101,7 +101,7 @@ impl<M: Module> Fit<M> {
     ///     let scene = Scene::new()
     ///         .with_object(ball.with_material(Material::diffuse(color.albedo.val())))
     ///         .with_environment([1.0; 3]);
-    ///     let cameras = part.of(&views).map(|&angle| Camera::framing(&scene.bounds()?)?.orbit(angle, 0.0));
+    ///     let cameras = part.of(&views).map(|&angle: &f64| Camera::orbit([0.0; 3], 4.0, angle, 10.0));
     ///     let cameras = cameras.collect::<softray::Result<Vec<_>>>()?;
     ///     let options = step.options(&RenderOptions::new(8, 8).with_samples(2), part.index as u64);
     ///     let images = render_batch(&Batch::new(vec![scene], cameras)?, &options)?;
