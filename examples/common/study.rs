@@ -186,6 +186,21 @@ pub struct Study<'a> {
     start: Instant,
 }
 
+/// Applies the settings of a study to a fit of either kind.
+macro_rules! settings_of {
+    ($study:ident, $fit:expr) => {{
+        let fit = $fit
+            .with_seed($study.arguments.seed)
+            .with_folder($study.folder())
+            .with_restart(!$study.arguments.resume)
+            .on_step($study.steps.div_ceil(4).max(1), $study.keep());
+        match $study.pictures() {
+            Some((folder, every)) => fit.with_pictures(folder, every),
+            None => fit,
+        }
+    }};
+}
+
 impl<'a> Study<'a> {
     pub fn new(
         name: &'static str,
@@ -225,28 +240,12 @@ impl<'a> Study<'a> {
             let message = "this example has no --least-squares\n";
             clap::Error::raw(clap::error::ErrorKind::UnknownArgument, message).exit();
         }
-        let fit = Fit::new(module, optimizer, self.steps)
-            .with_seed(self.arguments.seed)
-            .with_folder(self.folder())
-            .with_restart(!self.arguments.resume)
-            .on_step(self.steps.div_ceil(4).max(1), self.keep());
-        match self.pictures() {
-            Some((folder, every)) => fit.with_pictures(folder, every),
-            None => fit,
-        }
+        settings_of!(self, Fit::new(module, optimizer, self.steps))
     }
 
     /// Creates the same fit by least squares.
     pub fn least_squares<M: Module + 'static>(&self, module: M) -> LeastSquares<M> {
-        let fit = LeastSquares::new(module, self.steps)
-            .with_seed(self.arguments.seed)
-            .with_folder(self.folder())
-            .with_restart(!self.arguments.resume)
-            .on_step(self.steps.div_ceil(4).max(1), self.keep());
-        match self.pictures() {
-            Some((folder, every)) => fit.with_pictures(folder, every),
-            None => fit,
-        }
+        settings_of!(self, LeastSquares::new(module, self.steps))
     }
 
     fn folder(&self) -> PathBuf {

@@ -6,7 +6,7 @@ use softray::prelude::*;
 use crate::common::errors::{message, says};
 use crate::common::facets::facet_cases;
 use crate::common::gradients::{CONES, Case, SHARP, all_classes, lights};
-use crate::common::numbers::mean_and_error;
+use crate::common::numbers::{mean_and_error, norm};
 use crate::common::scenes::floor;
 use crate::common::tensors::{gradient, leaf, tensor, values};
 
@@ -243,11 +243,21 @@ fn errors_name_what_is_wrong() {
     says(message(grows.map(drop)), ["vertices", "as in the scene"]);
 }
 
-/// Balls at several distances on a floor, through a lens, by its radius and its focus distance.
-fn lens(device: &Device) -> (Scene, Camera, Vec<Tangent>) {
+/// Balls at several distances on a plain floor or a checkerboard, through a lens, by its radius and its focus distance.
+fn lens(board: bool, device: &Device) -> (Scene, Camera, Vec<Tangent>) {
+    let texels: Vec<f64> = (0..40 * 40)
+        .flat_map(|i| {
+            [if board && (i % 40 + i / 40) % 2 == 0 {
+                0.7
+            } else {
+                0.15
+            }; 3]
+        })
+        .collect();
+    let texels = ColorTexture::texture(tensor(&texels, [40, 40, 3], device, DType::F32));
     let floor = shapes::plane_grid(9.0, 9.0, 1, 1, device).translated([0.0, 0.0, -1.5]);
     let mut scene = Scene::new()
-        .with_object(Object::new(floor).with_material(Material::diffuse([0.4; 3])))
+        .with_object(Object::new(floor).with_material(Material::diffuse(texels)))
         .with_environment([0.8, 0.85, 0.9]);
     for i in 0..4 {
         let i = f64::from(i);
@@ -267,41 +277,36 @@ fn lens(device: &Device) -> (Scene, Camera, Vec<Tangent>) {
 /// tier, a quarter of the pixels and an eighth of the samples in the short one.
 #[test]
 fn derivatives_by_a_lens_have_little_noise() {
-    let device = Device::flex();
-    let (scene, camera, tangents) = lens(&device);
-    let (size, samples, limit) = match crate::common::long() {
-        true => (64, 512, 0.1),
-        false => (32, 64, 0.6),
+    let (size, samples, limits) = match crate::common::long() {
+        true => (64, 512, [0.1, 0.2]),
+        false => (32, 64, [0.6, 1.2]),
     };
     let options = RenderOptions::new(size, size)
         .with_samples(samples)
         .with_bounces(0);
     let blocks = size / 8;
-    let of_seed = |seed: u64| -> Vec<Vec<f64>> {
-        let options = options.clone().with_seed(seed);
-        let all = render_derivative(&scene, &camera, &options, &tangents).expect("derivatives");
-        let of_direction = |k: usize| {
-            let rows = all
-                .tangents
-                .view(k)
-                .radiance
-                .reshape([blocks, 8, blocks, 24]);
-            let columns = rows.sum_dim(1).reshape([blocks * blocks, 8, 3]);
-            values(&(columns.sum_dim(1) / 64.0))
+    for (board, limit) in [false, true].into_iter().zip(limits) {
+        let (scene, camera, tangents) = lens(board, &Device::flex());
+        let of_seed = |seed: u64| {
+            let options = options.clone().with_seed(seed);
+            let all = render_derivative(&scene, &camera, &options, &tangents).expect("derivatives");
+            [0, 1].map(|k| {
+                let rows = all.tangents.view(k).radiance;
+                let rows = rows.reshape([blocks, 8, blocks, 24]).sum_dim(1);
+                let columns = rows.reshape([blocks * blocks, 8, 3]).sum_dim(1);
+                values(&(columns / 64.0))
+            })
         };
-        (0..2).map(of_direction).collect()
-    };
-    let (a, b) = (of_seed(1), of_seed(2));
-    for (k, (a, b)) in a.iter().zip(&b).enumerate() {
-        let norm = |f: fn(f64, f64) -> f64| -> f64 {
-            a.iter()
-                .zip(b)
-                .map(|(a, b)| f(*a, *b).powi(2))
-                .sum::<f64>()
-                .sqrt()
-        };
-        let error = norm(|a, b| a - b) / 2f64.sqrt() / norm(|a, b| 0.5 * (a + b));
-        println!("direction {k}: relative error {error:.4}");
-        assert!(error < limit, "direction {k}: {error}");
+        let (a, b) = (of_seed(1), of_seed(2));
+        for (k, (a, b)) in a.iter().zip(&b).enumerate() {
+            let means: Vec<f64> = a.iter().zip(b).map(|(a, b)| 0.5 * (a + b)).collect();
+            let halves: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+            let error = norm(&halves) / 2f64.sqrt() / norm(&means);
+            println!("checkerboard {board}, direction {k}: relative error {error:.4}");
+            assert!(
+                error < limit,
+                "checkerboard {board}, direction {k}: {error}"
+            );
+        }
     }
 }

@@ -119,18 +119,20 @@ fn batches_by_vertices_and_pixels() {
         for seed in 0..2 {
             let vertices = Tensor::stack::<3>(vec![ball.vertices.clone(); 3], 0);
             let vertices = vertices * widths.clone().reshape([3, 1, 1]);
-            let batch = Batch::new(vec![scene.clone(); 3], vec![camera.clone()]).unwrap();
-            let batch = batch.with_vertices("body", vertices).unwrap();
+            let batch = Batch::new(vec![scene.clone(); 3], vec![camera.clone()]);
+            let batch = batch.expect("a batch");
+            let batch = batch.with_vertices("body", vertices).expect("the object");
             let options = options().with_seed(seed).with_cache(&cache);
-            let images = render_batch(&batch, &options.with_statistics()).unwrap();
+            let images = render_batch(&batch, &options.with_statistics()).expect("images");
             let loss = images.radiance.clone().powf_scalar(2.0).mean();
             let gradients = loss.backward();
             all.push(data(&images.radiance));
             all.extend([&widths, &color].map(|p| gradient(p, &gradients)));
             assert!(images.statistics.iter().all(|s| s.rays > 0));
         }
-        let image = render_pixels(&scene, &camera, &options().with_albedo(), &[7, 3, 7]).unwrap();
-        all.extend([data(&image.radiance), data(&image.albedo.unwrap())]);
+        let image = render_pixels(&scene, &camera, &options().with_albedo(), &[7, 3, 7]);
+        let image = image.expect("pixels");
+        all.extend([data(&image.radiance), data(&image.albedo.expect("it"))]);
         all
     });
     assert_eq!(results[0], results[1]);
@@ -143,8 +145,8 @@ fn object_ids() {
         let (room, camera) = cornell_box(&device);
         let empty = Object::new(Mesh::from_host(&[], Vec::new(), &device));
         let options = options().with_object_ids().with_bounces(1);
-        let image = render(&room.with_object(empty), &camera, &options).unwrap();
-        let ids = image.object_ids.unwrap().into_data();
+        let image = render(&room.with_object(empty), &camera, &options).expect("an image");
+        let ids = image.object_ids.expect("it").into_data();
         ids.iter::<i64>().collect::<Vec<_>>()
     });
     assert_eq!(own, remote);

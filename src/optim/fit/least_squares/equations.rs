@@ -53,6 +53,17 @@ impl Equations {
         }
     }
 
+    /// Returns the equations of no residuals.
+    pub fn zero(numbers: usize) -> Self {
+        Self {
+            matrix: vec![vec![0.0; numbers]; numbers],
+            scale: vec![0.0; numbers],
+            gradient: vec![0.0; numbers],
+            loss: 0.0,
+            variance: 0.0,
+        }
+    }
+
     /// Adds the equations of other residuals by the same numbers.
     pub fn add(&mut self, other: &Self) {
         for (own, other) in self.matrix.iter_mut().zip(&other.matrix) {

@@ -83,7 +83,7 @@ impl<M: Module> LeastSquares<M> {
 
     /// Runs the steps and returns the fitted module.
     ///
-    /// `f` receives the module and the [`Step`] and returns the views to compare. It runs many times in a step, also with
+    /// `f` receives the module, whose numbers are not tracked, and the [`Step`], and returns the views to compare. It runs many times in a step, also with
     /// other numbers, and must depend only on these arguments. It does not render.
     ///
     /// # Errors

@@ -7,6 +7,7 @@ use super::equations::Equations;
 use super::numbers::{gradients, numbers, with_numbers};
 use super::residual::Residual;
 use crate::error::{Error, Result};
+use crate::optim::fit::check::not_finite;
 use crate::optim::fit::step::Evaluated;
 use crate::optim::fit::{Evaluation, History, Step};
 use crate::render::{Tangent, Values};
@@ -59,7 +60,8 @@ impl<'a, M: Module> Problem<'a, M> {
 
     /// Evaluates the step. The gradients move the numbers to the next point if their rate is 1.
     pub fn evaluated(&self, f: Views<M>, history: &History) -> Result<Evaluated> {
-        let views = f(self.module)?;
+        // The numbers are not tracked, so renders record no tape.
+        let views = f(&with_numbers(self.module, &self.numbers))?;
         Error::unless(
             !views.is_empty(),
             "least squares",
@@ -69,6 +71,9 @@ impl<'a, M: Module> Problem<'a, M> {
         )?;
         views.iter().try_for_each(Residual::check)?;
         let (mut evaluation, equations) = self.equations(&views, f)?;
+        if !equations.loss.is_finite() {
+            return Err(not_finite("the loss", equations.loss, self.step.index));
+        }
         let unused: Vec<usize> = equations.unused().collect();
         if unused.len() == self.numbers.len() && self.step.index == 0 {
             let expected = "numbers of the module on which the images depend";
@@ -122,17 +127,13 @@ impl<'a, M: Module> Problem<'a, M> {
         let by_number = Tangent::of_views(&self.numbers, &shapes, &mut build)?;
         let device = views[0].target.device();
         let mut evaluation = Evaluation::new(Tensor::zeros([1], &device));
-        let mut all: Option<Equations> = None;
+        let mut all = Equations::zero(self.numbers.len());
         for (index, view) in views.iter().enumerate() {
             let tangents: Vec<Tangent> = by_number.iter().map(|of| of[index].clone()).collect();
             let seeds = [0, 1].map(|pair| self.seeds(index, pair));
             let [a, b] = [0, 1].map(|k| view.linear(&tangents, seeds.map(|pair| pair[k])));
             let ((image, a), (_, b)) = (a?, b?);
-            let own = Equations::new(&a, &b);
-            match &mut all {
-                None => all = Some(own),
-                Some(all) => all.add(&own),
-            }
+            all.add(&Equations::new(&a, &b));
             let values = view.values.iter();
             evaluation = values
                 .fold(evaluation, |all, (name, value)| {
@@ -142,9 +143,7 @@ impl<'a, M: Module> Problem<'a, M> {
                 .with_target(view.name.as_str(), view.target.clone());
         }
         evaluation.check()?;
-        let equations = all
-            .ok_or_else(|| Error::invalid("least squares", "residuals", "empty", "at least one"))?;
-        Ok((evaluation, equations))
+        Ok((evaluation, all))
     }
 
     /// Returns the damping and the step with the least loss: it goes from the last damping to larger and to smaller ones
