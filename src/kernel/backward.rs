@@ -44,18 +44,17 @@ impl Return<'_> {
         self.upstream[level.paths[lane] as usize].radiance
     }
 
-    /// Returns the part of this derivative that belongs to a channel, and the sums of the channel.
+    /// Returns the part of this derivative that belongs to a channel, and selects the sums of the channel.
     #[inline(always)]
-    fn of_channel(&self, channel: usize, level: &Level, lane: usize) -> (V3, Sums<'_>) {
-        let path = level.paths[lane] as usize;
-        let by_light = self.sums.radiance_of(self.upstream[path].radiance, channel);
-        (by_light, self.sums_of(channel, path))
+    fn of_channel(&self, channel: usize, level: &Level, lane: usize) -> V3 {
+        self.select(channel, level.paths[lane] as usize);
+        self.sums.radiance_of(self.by_light(level, lane), channel)
     }
 
-    /// Returns the sums for a channel of a path.
+    /// Selects the sums for a channel of a path.
     #[inline(always)]
-    pub fn sums_of(&self, channel: usize, path: usize) -> Sums<'_> {
-        self.sums.of_pixel(self.paths[path].numbers.pixel, channel)
+    pub fn select(&self, channel: usize, path: usize) {
+        self.sums.select(self.paths[path].numbers.pixel, channel);
     }
 
     /// Goes back along the paths and adds the derivatives of the light of each path, times its upstream gradient.
@@ -138,10 +137,10 @@ fn ways_backward<'a>(to: &'a Return<'a>, channel: usize, level: &'a Level, back:
         }
         let left = level.leavings.get(lane);
         let escaped = level.ways[lane] == Way::Escaped && to.settings.interior;
-        let (by_light, sums) = to.of_channel(channel, level, lane);
+        let by_light = to.of_channel(channel, level, lane);
         back.throughputs[lane] = leave_backward(
             &to.lists,
-            &sums,
+            to.sums,
             &level.points.get(lane),
             &level.scatters.get(lane),
             &left.bend,
@@ -162,13 +161,13 @@ fn lights_backward<'a>(to: &'a Return<'a>, channel: usize, level: &'a Level, bac
     let lists = &to.lists;
     for light in &level.lights {
         let lane = light.lane as usize;
-        let ((g, sums), time) = (
+        let (g, time) = (
             to.of_channel(channel, level, lane),
             to.path(level, lane).time,
         );
         let (point, carried) = (&level.points.get(lane), level.throughputs.get(lane));
         let (k, weights, arrived) = (light.emitter, light.weights, light.arrived);
-        let (by, sums) = (&mut back.points[lane], &sums);
+        let (by, sums) = (&mut back.points[lane], to.sums);
         back.throughputs[lane] += if k == NONE {
             let target = Target::of_map(light.direction);
             map_backward(lists, sums, point, target, arrived, carried, g, by)
@@ -199,16 +198,17 @@ fn points_backward<'a>(
             continue;
         }
         let path = level.paths[lane] as usize;
-        let (by, sums) = (&mut back.points[lane], to.sums_of(channel, path));
+        let (by, sums) = (&mut back.points[lane], to.sums);
+        to.select(channel, path);
         let mut by_t = 0.0;
         if seen {
             let upstream = sums.of_channel(to.upstream[path], channel);
-            by_t = seen_backward(&to.lists, &sums, &point, &upstream, by);
+            by_t = seen_backward(&to.lists, sums, &point, &upstream, by);
         }
         let time = to.paths[path].time;
         let before = level.before[lane] as usize;
         back.throughputs_before[before] = back.throughputs[lane];
-        back.rays_before[before] = point_backward(&to.lists, &sums, &point, time, by, by_t);
+        back.rays_before[before] = point_backward(&to.lists, sums, &point, time, by, by_t);
     }
     back.swap();
 }
@@ -220,20 +220,21 @@ fn cameras_backward<'a>(to: &'a Return<'a>, channel: usize, back: &'a Lanes) {
     let sky = of.sky || (of.camera && to.features.sky_map);
     for (i, path) in to.paths.iter().enumerate() {
         let ray = to.walks.cameras.get(i);
-        let (mut by, sums) = (back.rays[i], to.sums_of(channel, i));
+        let (mut by, sums) = (back.rays[i], to.sums);
+        to.select(channel, i);
         if to.walks.list[i].seen == NOTHING {
             if !to.settings.interior || !sky {
                 continue;
             }
             let by_light = sums.radiance_of(to.upstream[i].radiance, channel);
-            by.direction = sky_backward(lists, &sums, ray.direction, by_light);
+            by.direction = sky_backward(lists, sums, ray.direction, by_light);
         }
         if of.camera {
             let mut gradient = CameraGradient::default();
             let pixel = middle_of(lists, path.numbers.pixel);
             let (origin, direction) = (by.origin, by.direction);
             (to.camera).ray_backward(&ray, pixel, origin, direction, &mut gradient);
-            add_to_camera(&sums, &gradient);
+            add_to_camera(sums, &gradient);
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
 
 use super::scene::KernelScene;
 use crate::model::{V3, v3};
@@ -122,6 +123,8 @@ pub(crate) struct HostSums {
     of: Derivatives,
     /// In forward mode: the tangents, and the pixels whose derivatives are the numbers.
     forward: Option<(Arc<SumTangents>, Range<u32>)>,
+    /// The place of the sums of the current pixel and channel.
+    at: AtomicUsize,
 }
 
 impl HostSums {
@@ -136,6 +139,7 @@ impl HostSums {
             first,
             of: wanted.of,
             forward: None,
+            at: AtomicUsize::new(0),
         }
     }
 
@@ -157,8 +161,10 @@ impl HostSums {
         };
         Self {
             numbers: vec![0.0; count],
+            first: self.first,
+            of: self.of,
             forward,
-            ..*self
+            at: AtomicUsize::new(0),
         }
     }
 
@@ -176,7 +182,7 @@ impl HostSums {
         let sums = Sums::new(&mut self.numbers, &self.first, self.of);
         match &self.forward {
             None => sums,
-            Some((tangents, pixels)) => sums.forward(tangents, pixels.start),
+            Some((tangents, pixels)) => sums.forward(tangents, pixels.start, &self.at),
         }
     }
 

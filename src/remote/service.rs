@@ -9,7 +9,7 @@ use burn::tensor::{Device, Shape, Tensor};
 
 use super::operation::{Answer, Inputs, answer, int, put_int, words_of};
 use crate::error::{Error, Result};
-use crate::render::remote::bounded::Bounded;
+use crate::render::remote::bounded::{Bounded, LEAST_WEIGHT};
 use crate::render::remote::message::{
     Call, Counts, GRADIENT, PROTOCOL, RENDER, Received, VERSION, receive,
 };
@@ -184,7 +184,8 @@ impl State {
                 let topology = Topology::of_words(&words).ok_or_else(|| malformed("faces"))?;
                 let topology = Arc::new(topology);
                 // The name is not taken from the client, whose lists must not replace another client's.
-                lock(&self.topologies).insert(hash(&words), topology.clone(), 4 * words.len());
+                let weight = (4 * words.len()).max(LEAST_WEIGHT);
+                lock(&self.topologies).insert(hash(&words), topology.clone(), weight);
                 topology
             }
         };
@@ -276,7 +277,7 @@ impl State {
         let (call, received) = self.received(&inputs, tensors)?;
         let (forward, counts) = self.forward(received, &inputs.expected)?;
         let rows = forward.rows.clone().inner().into_dispatch();
-        if forward.rows.is_tracked() {
+        if !forward.leaves.is_empty() {
             lock(&self.forward).insert(call.id, forward, 1);
         }
         Ok((rows, counts))

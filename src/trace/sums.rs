@@ -4,6 +4,7 @@
 //! tangents as soon as it is added, and the products are sums of the pixel.
 
 use std::cell::Cell;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::Derivatives;
 use super::parts::{CAMERAS, LIGHTS, OF_LIGHT};
@@ -32,7 +33,7 @@ struct Forward<'a> {
     tangents: &'a SumTangents,
     /// The first pixel that has sums, and the place of the sums of the current pixel and channel.
     first_pixel: u32,
-    at: usize,
+    at: &'a AtomicUsize,
 }
 
 /// What forward mode multiplies with derivatives with respect to the sums' parameters.
@@ -74,11 +75,12 @@ impl<'a> Sums<'a> {
     }
 
     /// Makes these the sums `[P, C, K + 1]` of the pixels from `first_pixel` on.
-    pub fn forward(self, tangents: &'a SumTangents, first_pixel: u32) -> Self {
+    /// `at` stores the place of the current sums.
+    pub fn forward(self, tangents: &'a SumTangents, first_pixel: u32, at: &'a AtomicUsize) -> Self {
         let forward = Some(Forward {
             tangents,
             first_pixel,
-            at: 0,
+            at,
         });
         Self { forward, ..self }
     }
@@ -92,16 +94,15 @@ impl<'a> Sums<'a> {
         }
     }
 
-    /// Returns the sums for a channel of a pixel.
+    /// In forward mode, what is added from now on belongs to a channel of a pixel.
     #[inline(always)]
-    pub fn of_pixel(&self, pixel: u32, channel: usize) -> Self {
-        let mut of = *self;
-        if let Some(forward) = &mut of.forward {
+    pub fn select(&self, pixel: u32, channel: usize) {
+        if let Some(forward) = &self.forward {
             let own = (pixel - forward.first_pixel) as usize;
             let channels = own * forward.tangents.channels.len() + channel;
-            forward.at = channels * forward.tangents.of_channel();
+            let at = channels * forward.tangents.of_channel();
+            forward.at.store(at, Ordering::Relaxed);
         }
-        of
     }
 
     /// Returns the part of an upstream gradient that belongs to a channel.
@@ -125,10 +126,11 @@ impl<'a> Sums<'a> {
     /// Adds to the values of a pixel in forward mode: `light` times the weight `upstream` of each channel.
     pub fn add_values(&self, pixel: u32, upstream: &Seen, light: &Seen) {
         for channel in 0..self.channels() {
-            let sums = self.of_pixel(pixel, channel);
-            if let Some(forward) = &sums.forward {
-                let to = &self.numbers[forward.at + forward.tangents.directions];
-                let value = sums.of_channel(upstream, channel).jump(light);
+            self.select(pixel, channel);
+            if let Some(forward) = &self.forward {
+                let at = forward.at.load(Ordering::Relaxed);
+                let to = &self.numbers[at + forward.tangents.directions];
+                let value = self.of_channel(upstream, channel).jump(light);
                 to.set(to.get() + f64::from(value));
             }
         }
@@ -165,7 +167,7 @@ impl<'a> Sums<'a> {
     #[inline(never)]
     fn add_products(&self, forward: &Forward, first: usize, by: &[f32]) {
         let k = forward.tangents.directions;
-        let to = &self.numbers[forward.at..][..k];
+        let to = &self.numbers[forward.at.load(Ordering::Relaxed)..][..k];
         let tangents = forward.tangents.values[first * k..].chunks_exact(k);
         for (&by, tangents) in by.iter().zip(tangents) {
             if by != 0.0 {

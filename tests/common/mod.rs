@@ -15,6 +15,7 @@ pub mod scenes;
 pub mod stress;
 pub mod tensors;
 pub mod training;
+pub mod views;
 
 use std::path::PathBuf;
 

@@ -6,6 +6,8 @@ use softray::burn;
 use softray::optim::{Evaluation, Fit, Part};
 use softray::prelude::*;
 
+use crate::common::views::squares;
+
 #[derive(Module, Debug)]
 struct Color {
     albedo: Param<Tensor<1>>,
@@ -25,19 +27,8 @@ fn fitted(devices: &[Device]) -> (Vec<f32>, Vec<f64>) {
         let ball = Object::new(shapes::icosphere(1, &part.device));
         let ball = ball.with_material(Material::diffuse(color.albedo.val()));
         let scene = Scene::new().with_object(ball).with_environment([1.0; 3]);
-        let mut loss = Tensor::zeros([1], &part.device.clone().autodiff());
-        for &degrees in part.of(&views) {
-            let (sin, cos) = degrees.to_radians().sin_cos();
-            let camera = Camera::look_at([4.0 * sin, 0.5, 4.0 * cos], [0.0; 3]);
-            let options = RenderOptions::new(8, 8)
-                .with_samples(2)
-                .with_seed(degrees as u64);
-            loss = loss
-                + render(&scene, &camera, &options)?
-                    .radiance
-                    .powf_scalar(2.0)
-                    .mean();
-        }
+        let options = RenderOptions::new(8, 8).with_samples(2);
+        let loss = squares(&scene, part.of(&views), &options)?;
         let name = format!("views of {}", part.index);
         let loss = loss * (views.len() as f64).recip();
         Ok(Evaluation::new(loss).with_value(name, part.of(&views).len() as f64))

@@ -2,6 +2,7 @@
 
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use clap::Parser;
 use softray::prelude::*;
@@ -24,6 +25,11 @@ fn process() {
     };
     let arguments = ["render_server"].into_iter().chain(arguments.split(' '));
     let arguments = render_server::Arguments::parse_from(arguments);
+    // The pipe closes when the program that started this one ends, so servers in statics end, too.
+    std::thread::spawn(|| {
+        let _ = std::io::stdin().read(&mut [0]);
+        std::process::exit(0)
+    });
     render_server::serve(&arguments).expect("a server");
 }
 
@@ -40,11 +46,15 @@ impl Server {
     }
 
     pub fn with(arguments: &str) -> Self {
-        let file = std::env::temp_dir().join(format!("softray-token-{}", std::process::id()));
+        static NUMBER: AtomicUsize = AtomicUsize::new(0);
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let name = format!("softray-token-{}-{number}", std::process::id());
+        let file = std::env::temp_dir().join(name);
         std::fs::write(&file, TOKEN).expect("a file");
         let all = format!("{arguments} --token-file {}", file.display());
         let mut command: Command = again(process);
         let command = command.env(ARGUMENTS, all).env("RAYON_NUM_THREADS", "1");
+        let command = command.stdin(Stdio::piped());
         let mut child = command.stdout(Stdio::piped()).spawn().expect("a process");
         let mut output = BufReader::new(child.stdout.take().expect("its output"));
         let mut line = String::new();
@@ -58,6 +68,8 @@ impl Server {
                 break rest.split(": ").next().expect("an address").to_owned();
             }
         };
+        // The server has read it.
+        std::fs::remove_file(&file).expect("the file");
         Self {
             child,
             address,

@@ -8,6 +8,7 @@ use softray::burn;
 use softray::optim::{Evaluation, Fit, Part};
 use softray::prelude::*;
 
+use crate::common::views::squares;
 use crate::server::Server;
 
 static SERVERS: LazyLock<[Server; 2]> = LazyLock::new(|| [Server::start(), Server::start()]);
@@ -34,20 +35,8 @@ impl Offsets {
         let scene = Scene::new()
             .with_object(Object::new(ball.with_vertices(moved)))
             .with_environment([1.0; 3]);
-        let mut loss = Tensor::zeros([1], &device.clone().autodiff());
-        for &degrees in views {
-            let (sin, cos) = degrees.to_radians().sin_cos();
-            let camera = Camera::look_at([4.0 * sin, 0.5, 4.0 * cos], [0.0; 3]);
-            let options = RenderOptions::new(12, 12)
-                .with_samples(4)
-                .with_seed(degrees as u64);
-            loss = loss
-                + render(&scene, &camera, &options)?
-                    .radiance
-                    .powf_scalar(2.0)
-                    .mean();
-        }
-        Ok(loss)
+        let options = RenderOptions::new(12, 12).with_samples(4);
+        squares(&scene, views, &options)
     }
 
     pub fn values(&self) -> Vec<f32> {

@@ -108,8 +108,8 @@ fn backward<'a>(
                 let jump = sums.of_channel(g, channel).jump(light);
                 let scale = jump * point.point.per_density;
                 if scale.is_finite() && scale != 0.0 {
-                    let (sums, c) = (sums.of_pixel(pixel, channel), &view.camera);
-                    let largest = point.backward(&view.lists, &sums, c, jump, path.time);
+                    sums.select(pixel, channel);
+                    let largest = point.backward(&view.lists, sums, &view.camera, jump, path.time);
                     squares += f64::from(largest).powi(2);
                 }
             }

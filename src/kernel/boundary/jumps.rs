@@ -242,9 +242,10 @@ fn shadows_backward<'a>(
         if hit.triangle == NOTHING {
             let (o, s, time) = (&f.observer, &f.search, ray.time);
             for (channel, lanes) in back.channels.iter_mut().enumerate() {
-                let sums = to.sums_of(channel, level.paths[f.lane] as usize);
-                let (e, by) = (f.view.of_channel(&sums, channel), &mut lanes.points[f.lane]);
-                let largest = shadow_backward(&to.lists, &sums, o, s, &e, &f.jump, time, by);
+                to.select(channel, level.paths[f.lane] as usize);
+                let sums = to.sums;
+                let (e, by) = (f.view.of_channel(sums, channel), &mut lanes.points[f.lane]);
+                let largest = shadow_backward(&to.lists, sums, o, s, &e, &f.jump, time, by);
                 squares += f64::from(largest).powi(2);
             }
         }
@@ -268,9 +269,10 @@ fn reflections_backward<'a>(
         if let Some(light) = light {
             let (o, s, j, time) = (&f.observer, &f.search, &f.jump, path.time);
             for (channel, lanes) in back.channels.iter_mut().enumerate() {
-                let sums = to.sums_of(channel, level.paths[f.lane] as usize);
-                let (e, by) = (f.view.of_channel(&sums, channel), &mut lanes.points[f.lane]);
-                let largest = reflected_backward(&to.lists, &sums, o, s, &e, j, light, time, by);
+                to.select(channel, level.paths[f.lane] as usize);
+                let sums = to.sums;
+                let (e, by) = (f.view.of_channel(sums, channel), &mut lanes.points[f.lane]);
+                let largest = reflected_backward(&to.lists, sums, o, s, &e, j, light, time, by);
                 squares += f64::from(largest).powi(2);
             }
         }

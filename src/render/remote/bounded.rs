@@ -2,6 +2,9 @@
 
 use std::collections::VecDeque;
 
+/// The least weight of an entry whose weight is its bytes: a tensor's handle or a list takes more than few words.
+pub(crate) const LEAST_WEIGHT: usize = 1 << 16;
+
 /// Entries with weights, of a maximum total weight. The newest entry stays whatever it weighs.
 pub(crate) struct Bounded<K, V> {
     /// From the least recently used entry to the most recently used one.

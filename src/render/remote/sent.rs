@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use burn::backend::RemoteDevice;
 use burn::tensor::{Device, Int, Tensor};
 
-use super::bounded::Bounded;
+use super::bounded::{Bounded, LEAST_WEIGHT};
 use super::words::{Hash, hash, tensor};
 
 /// The most bytes that a client keeps on each server between its renders.
@@ -44,7 +44,7 @@ impl Server {
     pub fn part(&mut self, words: Vec<u32>, device: &Device) -> Tensor<1, Int> {
         let key = hash(&words);
         self.parts.get(&key).unwrap_or_else(|| {
-            let bytes = 4 * words.len();
+            let bytes = (4 * words.len()).max(LEAST_WEIGHT);
             let part = tensor(words, device);
             self.parts.insert(key, part.clone(), bytes);
             part
