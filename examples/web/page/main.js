@@ -16,7 +16,7 @@ const state = {
   way: [],
   losses: [],
   fitting: false,
-  by: '0',
+  by: 0,
 };
 let worker;
 let ready = false;
@@ -75,13 +75,15 @@ function signed(values, scale) {
   return pixels;
 }
 
-let derivatives = [];
-let fine;
-function paintDerivatives(size) {
-  const component = state.by === 'camera' ? 0 : Number(state.by);
-  const values = Array.from({ length: size[0] * size[1] }, (_, i) => derivatives[i]?.[component] ?? 0);
-  const sizes = values.map(Math.abs).filter((v) => v > 0).sort((a, b) => a - b);
-  paint('derivative', size, signed(values, sizes[Math.floor(0.97 * sizes.length)] || 1));
+// Images by x, y and z of the ring and by the camera's turn, one after the other.
+let derivatives;
+function paintDerivatives() {
+  if (!derivatives) return;
+  const { size, values } = derivatives;
+  const count = size[0] * size[1];
+  const own = values.subarray(count * state.by, count * (state.by + 1));
+  const sizes = Float32Array.from(own, Math.abs).filter((v) => v > 0).sort();
+  paint('derivative', size, signed(own, sizes[Math.floor(0.97 * sizes.length)] || 1));
 }
 
 function paintOverlay() {
@@ -165,7 +167,8 @@ const send = (message) => ready && worker.postMessage(message);
 
 function sendRoom(kind, moves) {
   const { place, azimuth, elevation } = state;
-  send({ kind, place, azimuth, elevation, camera: state.by === 'camera', moves });
+  delete $('derivative').dataset.left;
+  send({ kind, place, azimuth, elevation, moves });
   paintOverlay();
 }
 
@@ -226,7 +229,7 @@ const show = {
     state.way.push(place);
     state.losses.push(loss);
     paint('seen', [32, 32], seen);
-    paint('difference', [32, 32], signed([...difference], 0.1));
+    paint('difference', [32, 32], signed(difference, 0.1));
     $('height').value = place[1];
     paintLoss();
     paintOverlay();
@@ -243,19 +246,10 @@ const show = {
       sendRoom('follow');
     }
   },
-  derivatives({ size, part, values, left }) {
-    const components = state.by === 'camera' ? 1 : 3;
-    if (values.length !== components * part.length) return;
-    part.forEach(([pixel, side], i) => {
-      const value = values.slice(components * i, components * (i + 1));
-      const [x, y] = [pixel % size[0], Math.floor(pixel / size[0])];
-      for (let dy = 0; dy < side && y + dy < size[1]; dy++) {
-        for (let dx = 0; dx < side && x + dx < size[0]; dx++) derivatives[(y + dy) * size[0] + x + dx] = value;
-      }
-    });
-    fine = size;
+  derivatives({ size, values, left }) {
+    derivatives = { size, values };
     $('derivative').dataset.left = left;
-    paintDerivatives(size);
+    paintDerivatives();
   },
   opened({ name, note }) {
     $('name').className = '';
@@ -270,11 +264,12 @@ const show = {
     measured?.(message);
   },
   time: count,
-  failed({ message, fatal }) {
+  failed({ of, message, fatal }) {
     $('failure').textContent = fatal ? `The renderer stopped and was started again: ${message}.` : message;
     $('failure').hidden = false;
-    end();
-    if (fatal) begin();
+    if (fatal || of === 'search' || of === 'step') end();
+    // A page that has shown nothing would start again without end.
+    if (fatal && document.body.dataset.painted) begin();
   },
 };
 
@@ -307,7 +302,6 @@ function find() {
   $('fit').textContent = 'Stop';
   delete $('state').dataset.distance;
   $('failure').hidden = true;
-  derivatives = [];
   send({ kind: 'search', start: state.place, target: state.target });
 }
 
@@ -403,14 +397,8 @@ $('height').onchange = () => sendRoom('room', false);
 
 for (const input of document.getElementsByName('by')) {
   input.onchange = () => {
-    const other = (state.by === 'camera') !== (input.value === 'camera');
-    state.by = input.value;
-    if (other) {
-      derivatives = [];
-      sendRoom('room', false);
-    } else if (fine) {
-      paintDerivatives(fine);
-    }
+    state.by = Number(input.value);
+    paintDerivatives();
   };
 }
 

@@ -5,9 +5,9 @@ import init, { Files, Room, Search, View, has_simd } from './softray_web.js';
 const LARGE = [480, 360];
 const SMALL = [160, 120];
 const FINE = [80, 60];
-const DERIVATIVE_SAMPLES = 16;
-// Milliseconds of a piece of a derivative image.
-const PIECE = 50;
+// Passes over a derivative image, and how many of them are left.
+const DERIVATIVE_PASSES = 24;
+let left = 0;
 
 let room, view, search;
 let moving = { room: false, view: false };
@@ -15,10 +15,6 @@ let visible = { room: true, view: false };
 let done = { room: false, view: false };
 // The next pass is the first one of a new image.
 let fresh = { room: true, view: true };
-let of = { camera: false };
-// The pixels of the derivative image that are not computed yet, coarse ones first.
-let pending = [];
-let piece = 4;
 let wake = () => {};
 
 const send = (message, ...buffers) => postMessage(message, buffers);
@@ -27,53 +23,36 @@ const send = (message, ...buffers) => postMessage(message, buffers);
 function timed(kind, paths, work) {
   const start = performance.now();
   const result = work();
-  const ms = performance.now() - start;
-  send({ kind: 'time', of: kind, paths, ms });
-  return [result, ms];
-}
-
-// The pixels of an image, those of every eighth row and column first. Each has the side of the square that it fills.
-function coarseFirst([width, height]) {
-  const all = [];
-  for (const step of [8, 4, 2, 1]) {
-    for (let y = 0; y < height; y += step) {
-      for (let x = 0; x < width; x += step) {
-        if (step === 8 || x % (2 * step) || y % (2 * step)) all.push([y * width + x, step]);
-      }
-    }
-  }
-  return all;
+  send({ kind: 'time', of: kind, paths, ms: performance.now() - start });
+  return result;
 }
 
 function refine(which, picture) {
   const size = moving[which] || fresh[which] ? SMALL : LARGE;
   fresh[which] = false;
-  const [pixels] = timed('images', size[0] * size[1], () => picture.refine(...size, 1));
-  if (!pixels) {
-    done[which] = true;
-    return;
-  }
+  // An error ends it.
+  done[which] = true;
+  const pixels = timed('images', size[0] * size[1], () => picture.refine(...size));
+  if (!pixels) return;
+  done[which] = false;
   send({ kind: which, size, pixels }, pixels.buffer);
 }
 
 function step() {
-  const [[x, y, z, loss, index, steps]] = timed('steps', Search.paths(), () => search.step());
-  const last = index === steps;
-  const [seen, difference] = [search.seen(), search.difference()];
+  // An error ends it.
+  const running = search;
+  search = undefined;
+  const [x, y, z, loss, index, steps] = timed('steps', Search.paths(), () => running.step());
+  const [seen, difference] = [running.seen(), running.difference()];
   send({ kind: 'step', place: [x, y, z], loss, index, steps, seen, difference }, seen.buffer, difference.buffer);
-  if (last) {
-    search.free();
-    search = undefined;
-  }
+  if (index === steps) running.free();
+  else search = running;
 }
 
 function derive() {
-  const part = pending.splice(0, piece);
-  const pixels = new Uint32Array(part.map(([pixel]) => pixel));
-  const [values, ms] = timed('derivatives', pixels.length * DERIVATIVE_SAMPLES, () =>
-    room.derivatives(of.camera, ...FINE, pixels, DERIVATIVE_SAMPLES));
-  piece = Math.max(1, Math.min(256, Math.round(piece * Math.min(2, PIECE / ms))));
-  send({ kind: 'derivatives', size: FINE, part, values, left: pending.length }, values.buffer);
+  left -= 1;
+  const values = room.derivatives(...FINE);
+  send({ kind: 'derivatives', size: FINE, values, left }, values.buffer);
 }
 
 // Work that waits, each kind in its turn. Of a fit two steps count as one piece.
@@ -83,7 +62,7 @@ function next() {
     search && step,
     search && step,
     visible.room && !search && !done.room && (() => refine('room', room)),
-    visible.room && !moving.room && pending.length && derive,
+    visible.room && !moving.room && left && derive,
     visible.view && !done.view && (() => refine('view', view)),
   ];
   for (let i = 0; i < kinds.length; i++) {
@@ -92,24 +71,20 @@ function next() {
   }
 }
 
-function place({ place: [x, y, z], azimuth, elevation, camera, moves }) {
+function place({ place: [x, y, z], azimuth, elevation, moves }) {
   room.set(x, y, z, azimuth, elevation);
   moving.room = moves;
   done.room = false;
   fresh.room = true;
-  of = { camera };
+  left = DERIVATIVE_PASSES;
 }
 
 const receive = {
-  room(message) {
-    place(message);
-    pending = coarseFirst(FINE);
-  },
-  // Follows a fit: with one pass of the picture, and coarse derivatives.
+  room: place,
+  // Follows a fit, with one pass of the picture.
   follow(message) {
     place({ ...message, moves: false });
     refine('room', room);
-    if (!pending.length) pending = coarseFirst(FINE).filter(([, side]) => side > 1);
   },
   search({ start, target }) {
     search?.free();
@@ -155,13 +130,13 @@ const receive = {
   },
 };
 
-function guarded(work) {
+function guarded(work, of = work.name) {
   try {
     work();
   } catch (error) {
     // A trap leaves the memory as it was in the middle of something, so that nothing more can run in it.
     const fatal = error instanceof WebAssembly.RuntimeError;
-    send({ kind: 'failed', message: `${error.message ?? error}`, fatal });
+    send({ kind: 'failed', of, message: `${error.message ?? error}`, fatal });
     if (fatal) close();
   }
 }
@@ -181,7 +156,7 @@ send({ kind: 'ready', simd: has_simd() });
 for (;;) {
   while (waiting.length) {
     const message = waiting.shift();
-    guarded(() => receive[message.kind](message));
+    guarded(() => receive[message.kind](message), message.kind);
   }
   const work = next();
   if (work) {

@@ -45,15 +45,14 @@ struct Refined {
 const PASSES: u32 = 128;
 
 impl Refined {
-    /// Renders the next pass with `samples` paths a pixel, and returns whether there was one. An image of another size
-    /// starts anew.
+    /// Renders the next pass with a path a pixel, and returns the mean of all passes so far; `None` after the last pass. An
+    /// image of another size starts anew.
     fn refine(
         &mut self,
         scene: &Scene,
         camera: &Camera,
         options: &RenderOptions,
-        samples: u32,
-    ) -> softray::Result<bool> {
+    ) -> softray::Result<Option<HostImage>> {
         let size = [options.width, options.height];
         if self.size != size {
             *self = Self {
@@ -63,22 +62,18 @@ impl Refined {
             };
         }
         if self.passes == PASSES {
-            return Ok(false);
+            return Ok(None);
         }
-        let options = options.clone().with_samples(PASSES * samples);
+        let options = options.clone().with_samples(PASSES);
         let image = render(scene, camera, &options.with_pass(self.passes, PASSES))?;
         let image = HostImage::from_tensor(&image.radiance)?;
         for (sum, value) in self.sum.iter_mut().zip(image.pixels) {
             *sum += value;
         }
         self.passes += 1;
-        Ok(true)
-    }
-
-    /// Returns the mean of the passes so far.
-    fn image(&self) -> softray::Result<HostImage> {
-        let passes = self.passes.max(1) as f32;
         let [width, height] = self.size;
-        HostImage::new(width, height, self.sum.iter().map(|v| v / passes).collect())
+        let passes = self.passes as f32;
+        let means = self.sum.iter().map(|v| v / passes).collect();
+        HostImage::new(width, height, means).map(Some)
     }
 }

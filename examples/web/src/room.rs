@@ -51,10 +51,7 @@ impl Parts {
 }
 
 /// A camera about the room by its direction in degrees.
-fn orbit(
-    azimuth: impl Into<Parameter<1>>,
-    elevation: impl Into<Parameter<1>>,
-) -> softray::Result<Camera> {
+fn orbit(azimuth: f64, elevation: f64) -> softray::Result<Camera> {
     let camera = Camera::orbit(MIDDLE, DISTANCE, azimuth, elevation)?;
     Ok(camera.with_fov_y(FIELD_OF_VIEW))
 }
@@ -67,6 +64,7 @@ pub struct Room {
     azimuth: f64,
     elevation: f64,
     refined: Refined,
+    derived: Option<Derived>,
     /// For the image, and for derivatives.
     caches: [HierarchyCache; 2],
 }
@@ -85,6 +83,7 @@ impl Room {
             azimuth: 0.0,
             elevation: 0.0,
             refined: Refined::default(),
+            derived: None,
             caches: Default::default(),
         }
     }
@@ -93,69 +92,70 @@ impl Room {
     pub fn set(&mut self, x: f64, y: f64, z: f64, azimuth: f64, elevation: f64) {
         (self.place, self.azimuth, self.elevation) = ([x, y, z], azimuth, elevation);
         self.refined = Refined::default();
+        self.derived = None;
     }
 
     /// Refines the image by a pass. Returns it, or nothing once all passes are done.
-    pub fn refine(
-        &mut self,
-        width: usize,
-        height: usize,
-        samples: u32,
-    ) -> Result<Option<Vec<u8>>, JsError> {
+    pub fn refine(&mut self, width: usize, height: usize) -> Result<Option<Vec<u8>>, JsError> {
         let scene = self.parts.scene(self.place.into());
         let options = RenderOptions::new(width, height)
             .with_bounces(1)
             .with_cache(&self.caches[0]);
         let camera = orbit(self.azimuth, self.elevation)?;
-        let more = (self.refined).refine(&scene, &camera, &options, samples)?;
-        Ok(match more {
-            true => Some(rgba(&self.refined.image()?)),
-            false => None,
-        })
+        let image = self.refined.refine(&scene, &camera, &options)?;
+        Ok(image.map(|image| rgba(&image)))
     }
 
-    /// Returns the derivatives of the mean radiance of pixels: by x, y and z of the ring for each pixel, or by degrees
-    /// of the camera's turn.
-    pub fn derivatives(
-        &self,
-        of_camera: bool,
-        width: usize,
-        height: usize,
-        pixels: &[u32],
-        samples: u32,
-    ) -> Result<Vec<f32>, JsError> {
-        let (device, place) = (&self.parts.device, self.place);
+    /// Adds a pass to the derivatives of the mean radiance of pixels, and returns their means so far: four images, by x,
+    /// y and z of the ring and by degrees of the camera's turn.
+    pub fn derivatives(&mut self, width: usize, height: usize) -> Result<Vec<f32>, JsError> {
+        let mut derived = match self.derived.take() {
+            Some(derived) => derived,
+            None => Derived::new(self)?,
+        };
         let options = RenderOptions::new(width, height)
-            .with_samples(samples)
+            .with_samples(1)
             .with_bounces(0)
+            .with_seed(u64::from(derived.passes))
             .with_cache(&self.caches[1]);
-        let mut all = Vec::new();
-        for &pixel in pixels {
-            let numbers = match of_camera {
-                true => vec![self.azimuth],
-                false => place.to_vec(),
-            };
-            let numbers = Tensor::<1>::from_floats(numbers.as_slice(), device);
-            let numbers = numbers.autodiff().require_grad();
-            let (scene, camera) = match of_camera {
-                true => (
-                    self.parts.scene(place.into()),
-                    orbit(numbers.clone(), self.elevation)?,
-                ),
-                false => (
-                    self.parts.scene(numbers.clone().into()),
-                    orbit(self.azimuth, self.elevation)?,
-                ),
-            };
-            // The image of one pixel is one number for each channel, and its backward pass gives that pixel's derivatives.
-            let options = options.clone().with_seed(u64::from(pixel));
-            let image = render_pixels(&scene, &camera, &options, &[pixel])?;
-            let gradients = image.radiance.mean().backward();
-            match numbers.grad(&gradients) {
-                Some(gradient) => all.extend(gradient.into_data().iter::<f32>()),
-                None => all.extend(vec![0.0; numbers.dims()[0]]),
-            }
-        }
-        Ok(all)
+        let (scene, camera) = (&derived.scene, &derived.camera);
+        let all = render_derivative(scene, camera, &options, &derived.tangents)?;
+        let own = all.tangents.radiance.mean_dim(3);
+        let sum = match derived.sum.take() {
+            Some(sum) => sum + own,
+            None => own,
+        };
+        derived.passes += 1;
+        let mean = sum.clone() / f64::from(derived.passes);
+        derived.sum = Some(sum);
+        self.derived = Some(derived);
+        Ok(mean.into_data().iter::<f32>().collect())
+    }
+}
+
+/// The room with its derivatives, and the sum of the passes over their images.
+struct Derived {
+    scene: Scene,
+    camera: Camera,
+    tangents: Vec<Tangent>,
+    sum: Option<Tensor<4>>,
+    passes: u32,
+}
+
+impl Derived {
+    fn new(room: &Room) -> softray::Result<Self> {
+        let [x, y, z] = room.place;
+        let build = |n: &[f64]| {
+            let scene = room.parts.scene([n[0], n[1], n[2]].into());
+            Ok((scene, orbit(room.azimuth + n[3], room.elevation)?))
+        };
+        let (scene, camera, tangents) = Tangent::of_numbers(&[x, y, z, 0.0], build)?;
+        Ok(Self {
+            scene,
+            camera,
+            tangents,
+            sum: None,
+            passes: 0,
+        })
     }
 }

@@ -97,11 +97,6 @@ impl Search {
         Ok([&place[..], &[value, self.step as f64, STEPS as f64]].concat())
     }
 
-    /// Columns and rows of the images.
-    pub fn size() -> usize {
-        SIZE
-    }
-
     /// The number of paths of a step.
     pub fn paths() -> usize {
         2 * SIZE * SIZE * SAMPLES as usize

@@ -19,6 +19,8 @@ pub struct View {
     /// Exposure in stops, chosen by the first picture.
     stops: Option<f64>,
     note: String,
+    /// The distance of the camera from its target at first.
+    reach: Option<f64>,
 }
 
 /// Files by their names.
@@ -59,6 +61,7 @@ impl View {
             cache: HierarchyCache::new(),
             stops: None,
             note,
+            reach: None,
         }
     }
 
@@ -102,7 +105,11 @@ impl View {
         let rise = (now + up).clamp(-85.0, 85.0) - now;
         let across = axis.cross(away).normalize_or_zero();
         let away = DQuat::from_axis_angle(across, -rise.to_radians()) * away;
-        self.camera.eye = (target + away * nearer).to_array().into();
+        let reach = *self.reach.get_or_insert(away.length());
+        let distance = (away.length() * nearer).clamp(1e-3 * reach, 1e2 * reach);
+        self.camera.eye = (target + away.normalize_or(axis) * distance)
+            .to_array()
+            .into();
         self.refined = Refined::default();
         Ok(())
     }
@@ -114,19 +121,13 @@ impl View {
     }
 
     /// Refines the image by a pass. Returns it, or nothing once all passes are done.
-    pub fn refine(
-        &mut self,
-        width: usize,
-        height: usize,
-        samples: u32,
-    ) -> Result<Option<Vec<u8>>, JsError> {
+    pub fn refine(&mut self, width: usize, height: usize) -> Result<Option<Vec<u8>>, JsError> {
         let options = self.options(width, height, 3);
-        if !(self.refined).refine(&self.scene, &self.camera, &options, samples)? {
-            return Ok(None);
-        }
-        let image = self.refined.image()?;
-        let stops = *self.stops.get_or_insert_with(|| image.automatic_exposure());
-        Ok(Some(rgba(&image.exposed(stops))))
+        let image = (self.refined).refine(&self.scene, &self.camera, &options)?;
+        Ok(image.map(|image| {
+            let stops = *self.stops.get_or_insert_with(|| image.automatic_exposure());
+            rgba(&image.exposed(stops))
+        }))
     }
 
     /// Returns the linear RGB of an image of its own.
