@@ -146,7 +146,7 @@ impl<'a> Files<'a> {
     /// Returns whether there is a file at a path that a file of a folder refers to.
     pub fn has(self, path: &Path, folder: &Path) -> bool {
         match self.memory {
-            Some(memory) => memory.get(path).is_ok(),
+            Some(memory) => memory.0.contains_key(&plain(path)),
             None => self.may_look_at(path, folder) && path.is_file(),
         }
     }
