@@ -6,7 +6,7 @@ const LARGE = [480, 360];
 const SMALL = [160, 120];
 const FINE = [80, 60];
 // Passes over a derivative image, and how many of them are left.
-const DERIVATIVE_PASSES = 24;
+const DERIVATIVE_PASSES = 12;
 let left = 0;
 
 let room, view, search;

@@ -114,7 +114,7 @@ impl Room {
             None => Derived::new(self)?,
         };
         let options = RenderOptions::new(width, height)
-            .with_samples(1)
+            .with_samples(4)
             .with_bounces(0)
             .with_seed(u64::from(derived.passes))
             .with_cache(&self.caches[1]);
