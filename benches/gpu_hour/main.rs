@@ -71,29 +71,30 @@ fn main() {
     if let Some(only) = &arguments.only {
         steps.retain(|step| step.name.contains(only.as_str()));
     }
-    let mut rows = Vec::new();
-    for step in steps {
-        let row = step.measure(&device, arguments.runs);
-        println!("{}", page::line(&row));
-        rows.push(row);
-    }
-    let report = json!({
-        "device": arguments.device,
-        "adapter": adapter,
-        "quick": arguments.quick,
-        "steps": rows,
-        "apart": apart(&device),
-        "seconds": start.elapsed().as_secs(),
-    });
     std::fs::create_dir_all(&arguments.out).expect("the folder");
     let write = |name: &str, text: String| {
         let path = arguments.out.join(name);
         std::fs::write(&path, text).expect("a file");
-        println!("{}", path.display());
     };
-    write("gpu_hour.md", page::page(&report));
-    let text = serde_json::to_string_pretty(&report).expect("JSON");
-    write("gpu_hour.json", text + "\n");
+    let mut report = json!({
+        "device": arguments.device,
+        "adapter": adapter,
+        "quick": arguments.quick,
+        "apart": apart(&device),
+        "steps": [],
+    });
+    println!("{}", report["apart"]);
+    // The files have all steps that were measured, also if the program is ended early.
+    for step in steps {
+        let row = step.measure(&device, arguments.runs);
+        println!("{}", page::line(&row));
+        report["steps"].as_array_mut().expect("steps").push(row);
+        report["seconds"] = json!(start.elapsed().as_secs());
+        write("gpu_hour.md", page::page(&report));
+        let text = serde_json::to_string_pretty(&report).expect("JSON");
+        write("gpu_hour.json", text + "\n");
+    }
+    println!("{}", arguments.out.join("gpu_hour.md").display());
 }
 
 /// The adapter and what its kernels are compiled for.

@@ -9,7 +9,7 @@ pub fn line(row: &Value) -> String {
     let text = |key: &str| row[key].to_string().replace('"', "");
     let number = |key: &str| row[key].as_f64().unwrap_or(f64::NAN);
     format!(
-        "| {} | {} | {} + {} | {}² × {} | {:.1} | {:.1} | {:.1} | {:.2} | {} | {} | {:.2} | {} |",
+        "| {} | {} | {} + {} | {}² × {} | {:.1} | {:.1} | {:.1} | {:.1} | {:.2} | {:.2} | {} | {} | {:.2} | {} |",
         text("name"),
         text("scenes"),
         text("faces that move"),
@@ -17,8 +17,10 @@ pub fn line(row: &Value) -> String {
         text("size"),
         text("samples"),
         number("first, s"),
+        number("image alone, ms"),
         number("step, ms"),
         number("host of a timed step, ms"),
+        number("million paths of images a second"),
         number("million paths of steps a second"),
         text("launches"),
         text("uploads"),
@@ -30,12 +32,12 @@ pub fn line(row: &Value) -> String {
 /// All of it.
 pub fn page(report: &Value) -> String {
     let mut page = format!(
-        "# A GPU\n\nDevice `{}`: {}; {} s in all.\n\n| step | scenes | faces (move + stand) | image | first, s | step, ms \
-         | host of a timed step, ms | M paths/s of steps | launches | uploads | MB up | read-backs |\n|{}\n",
+        "# A GPU\n\nDevice `{}`: {}; {} s in all.\n\n| step | scenes | faces (move + stand) | image | first, s | image, ms \
+         | step, ms | host of a timed step, ms | M paths/s of images | of steps | launches | uploads | MB up | read-backs |\n|{}\n",
         report["device"].as_str().unwrap_or("?"),
         report["adapter"].as_str().unwrap_or("no adapter is known"),
         report["seconds"],
-        "---|".repeat(12),
+        "---|".repeat(14),
     );
     let steps = report["steps"].as_array().cloned().unwrap_or_default();
     for row in &steps {

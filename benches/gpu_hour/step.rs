@@ -34,14 +34,27 @@ impl Step {
         }
     }
 
-    /// Runs it once, for the k-th time, and returns the images and the gradient.
-    fn run(&self, world: &World, k: usize, device: &Device) -> [Tensor<1>; 2] {
-        let options = RenderOptions::new(self.size, self.size)
+    fn options(&self, world: &World, k: usize) -> RenderOptions {
+        RenderOptions::new(self.size, self.size)
             .with_samples(self.samples)
             .with_bounces(1)
             .with_seed(k as u64)
             .with_adaptive_edges(false)
-            .with_cache(&world.cache);
+            .with_cache(&world.cache)
+    }
+
+    /// Returns the duration of a render without a gradient.
+    fn image(&self, world: &World, k: usize, device: &Device) -> Duration {
+        let start = Instant::now();
+        let batch = world.batch(&world.parameter, self.scenes);
+        let _images = render_batch(&batch, &self.options(world, k)).expect("images");
+        device.sync().expect("a device that computes");
+        start.elapsed()
+    }
+
+    /// Runs it once, for the k-th time, and returns the images and the gradient.
+    fn run(&self, world: &World, k: usize, device: &Device) -> [Tensor<1>; 2] {
+        let options = self.options(world, k);
         let scale = 1.0 + 1e-4 * k as f64;
         let parameter = (world.parameter.clone() * scale).autodiff().require_grad();
         let batch = world.batch(&parameter, self.scenes);
@@ -75,6 +88,9 @@ impl Step {
         };
         let first = timed(0);
         let step = (1..=runs.max(1)).map(timed).min().expect("a run");
+        let images = (0..=runs.max(1)).map(|k| self.image(&world, k, device));
+        let image = images.skip(1).min().expect("a run");
+        self.run(&world, runs, device);
         let before = work();
         self.run(&world, runs + 1, device);
         let done = work() - before;
@@ -103,8 +119,10 @@ impl Step {
             "samples": self.samples,
             "first, s": first.as_secs_f64(),
             "step, ms": ms(step),
+            "image alone, ms": ms(image),
             "host of a timed step, ms": ms(of_host.map(|s| s.time).sum()),
             "million paths of steps a second": 1e-6 * paths / step.as_secs_f64(),
+            "million paths of images a second": 1e-6 * paths / image.as_secs_f64(),
             "launches": done.launches,
             "uploads": done.uploads,
             "bytes up": done.uploaded_bytes,
