@@ -17,7 +17,7 @@ use crate::model::camera::{Camera, CameraRay};
 use crate::model::film::{BLOCK, DrawnPiece, draw_piece, samples_of_film};
 use crate::model::numbers::{is_finite, is_nonzero};
 use crate::model::segment::OnSegment;
-use crate::sampling::Dimensions;
+use crate::sampling::{Dimensions, LENGTH};
 use crate::trace::{
     Exposure, FilmPoint, NO_PIXEL, NONE, OF_CONES, ON_FILM, Scene, Seen, Sums, exposure,
     film_point, hides, sampler,
@@ -195,15 +195,24 @@ pub(super) fn film_jumps(
         let thread = samples.first + ABSOLUTE_POS as u32;
         let film_sample = samples.of_thread(films, thread);
         let which = film_sample.view;
-        let sample = film_sample.sample;
         let scene = views.scene(which);
+        let source = sampler(&scene, ON_FILM).of_one_pixel();
+        let mut sample = film_sample.sample;
+        // Neighboring threads sample neighboring edges, so that their rays meet the same triangles.
+        let mut length = 0u32;
+        while length < LENGTH && (2u32 << length) <= film_sample.total {
+            length += 1;
+        }
+        if samples.spread == 0 && sample >> length < film_sample.total >> length {
+            sample = source.in_order(sample, length);
+        }
         let sums = adding.of_thread(&scene, loss.scales, thread);
         let places = &films[(OF_FILM * samples.views) as usize..];
         let film_of = (OF_FILM * which) as usize;
         let total = f32::from_bits(films[film_of + TOTAL]);
         let radius = f32::from_bits(films[film_of + RADIUS]);
         if sample < film_sample.total && films[film_of + MAX_SAMPLES] > 0 {
-            let numbers = sampler(&scene, ON_FILM).of_one_pixel().stream(0u32, sample);
+            let numbers = source.stream(0u32, sample);
             let film = numbers.draw(scene.points, Dimensions::film());
             let at: Exposure = exposure(&scene, &numbers);
             let first = films[film_of + FIRST_PIECE];

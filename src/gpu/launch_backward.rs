@@ -6,14 +6,14 @@ use burn::backend::tensor::FloatTensor;
 use burn::cubecl::prelude::*;
 use burn::tensor::{Device, Shape};
 
-use super::device::{List, floats, has_room, launch, rows_of, without_backtrace, zeros};
+use super::device::{GROUP, List, floats, has_room, launch, rows_of, without_backtrace, zeros};
 use super::film::{FilmSamplesLaunch, Films, OF_PIECE, WHOLE, film_jumps};
 use super::gradient::{Table, ViewPlaces, write_gradient};
 use super::job::{Job, PATHS, Piece};
 use super::loss::LossLaunch;
 use super::passes::{add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};
-use super::searches::{add_before, count_searches, in_order, places_of_order, words_of_order};
+use super::searches::{add_before, blocks_of, count_searches, in_order, words_of_order};
 use super::sums::{
     AddingLaunch, MORE, TYPICAL, add_replicas, bits_of_each, choose_scales, words_of_sums,
 };
@@ -244,13 +244,17 @@ impl<'a> Pass<'a> {
         );
         if self.job.views.derivatives.jumps {
             let points = threads * points(self.job);
-            let (first, count) = places_of_order(of_path(self.job) * threads, points);
+            let first = (of_path(self.job) * threads) as u32;
             launch!(
                 &self.client,
                 points,
                 count_searches(paths(), loss(), &self.records, points as u32)
             );
-            launch!(&self.client, 1, add_before(&self.records, first, count));
+            launch!(
+                &self.client,
+                blocks_of(points) * GROUP as usize,
+                add_before(&self.records, first, points as u32)
+            );
             // Each kernel is small, and threads of a warp do similar work.
             let emitters = self.job.views.features.emitters;
             for of_light in [true, false]

@@ -45,42 +45,52 @@ fn class_of(searches: u32) -> u32 {
 /// light.
 const OF_LIGHT: u32 = 16;
 
-/// Returns the number of words that the order of `points` points takes behind the records of paths.
-pub(super) fn words_of_order(points: usize) -> usize {
-    let groups = points.div_ceil(GROUP as usize);
-    groups * (2 * CLASSES + GROUP) as usize + 1 + GROUP as usize
+/// Number of workgroups whose points have an order of their own. A workgroup sums the counts of each such block.
+const OF_BLOCK: u32 = 256;
+/// Number of words of a block: counts, their total, and space for the threads of [`add_before`].
+const BLOCK_WORDS: u32 = 2 * CLASSES * OF_BLOCK + 1 + GROUP;
+
+/// Returns the number of blocks of `points` points.
+pub(super) fn blocks_of(points: usize) -> usize {
+    points.div_ceil((GROUP * OF_BLOCK) as usize)
 }
 
-/// Returns the first word and the length of the list that [`add_before`] sums: the numbers of points in the classes,
-/// for an order of `points` points behind `records` words.
-pub(super) fn places_of_order(records: usize, points: usize) -> (u32, u32) {
-    let groups = points.div_ceil(GROUP as usize) as u32;
-    (records as u32, 2 * CLASSES * groups)
+/// Returns the number of words that the order of `points` points takes behind the records of paths.
+pub(super) fn words_of_order(points: usize) -> usize {
+    points.next_multiple_of(GROUP as usize) + blocks_of(points) * BLOCK_WORDS as usize
 }
 
 /// Returns the numbers of searches of points in their two orders, from the words behind the records. Points without
 /// searches are left out.
 pub(super) fn in_order(words: &[u32], points: usize) -> [Vec<u32>; 2] {
-    let (_, places) = places_of_order(0, points);
-    let counted = &words[(places + 1 + GROUP) as usize..][..points];
-    [0, OF_LIGHT].map(|shift| {
-        let searches = counted.iter().map(|n| (n >> shift) & 0xffff);
+    let blocks = words[..points].chunks((GROUP * OF_BLOCK) as usize);
+    let of_block = |block: &[u32], shift: u32| {
+        let searches = block.iter().map(|n| (n >> shift) & 0xffff);
         let mut searches: Vec<u32> = searches.filter(|&n| n > 0).collect();
         searches.sort_by_key(|&n| CLASSES - n.min(CLASSES));
         searches
-    })
+    };
+    [0, OF_LIGHT].map(|shift| blocks.clone().flat_map(|b| of_block(b, shift)).collect())
 }
 
 /// Two orders of points behind the records: by searches for shadow edges, and by searches for edges in reflected
-/// light.
+/// light. Each block of [`OF_BLOCK`] workgroups (with one thread per point) has its own orders, so that workgroups sum
+/// the counts of all blocks in parallel.
 ///
-/// First comes, for each order, class and workgroup (with one thread per point), the number of the workgroup's points
-/// in the class, which [`add_before`] replaces by the number of points before them. Then come the total, space for
-/// the threads of [`add_before`], and the numbers of searches of each point.
+/// First come the numbers of searches of each point. Then comes, for each block, order, class and workgroup, the
+/// number of the workgroup's points in the class, which [`add_before`] replaces by the number of the block's points
+/// before them; and after each block the total and space for the threads of [`add_before`].
 #[apply(record!)]
 pub(super) struct Order {
     first: u32,
     /// The number of workgroups.
+    groups: u32,
+}
+
+/// The counts of a block: its first word, and its number of workgroups.
+#[apply(record!)]
+struct Block {
+    first: u32,
     groups: u32,
 }
 
@@ -93,14 +103,17 @@ impl Order {
         }
     }
 
-    /// Returns the index of the number of a workgroup's points in a class. The second order follows the first.
-    fn place(&self, class: u32, group: u32) -> usize {
-        (self.first + class * self.groups + group) as usize
+    fn block(&self, block: u32) -> Block {
+        let before = block * OF_BLOCK;
+        Block {
+            first: self.first + self.groups * GROUP + block * BLOCK_WORDS,
+            groups: (self.groups - before.min(self.groups)).min(OF_BLOCK),
+        }
     }
 
     /// Returns the index of the numbers of searches of a point.
     fn of_point(&self, point: u32) -> usize {
-        (self.first + 2 * CLASSES * self.groups + 1 + GROUP + point) as usize
+        (self.first + point) as usize
     }
 
     /// Returns the class of a point in an order.
@@ -114,28 +127,30 @@ impl Order {
         class_of(searches)
     }
 
-    /// Returns the point at a place in an order, or [`NONE`] past the last place.
+    /// Returns the point at a place in an order, or [`NONE`] where a block has fewer points.
     pub fn point(&self, records: &mut [u32], place: u32, #[comptime] of_light: bool) -> u32 {
+        let which = place / (GROUP * OF_BLOCK);
+        let block = self.block(which);
         let mut low = 0u32;
         if !of_light {
-            low = CLASSES * self.groups;
+            low = CLASSES * block.groups;
         }
-        let mut past = low + CLASSES * self.groups;
-        let index = records[(self.first + low) as usize] + place;
+        let mut past = low + CLASSES * block.groups;
+        let index = records[(block.first + low) as usize] + place % (GROUP * OF_BLOCK);
         let mut point = NONE.runtime();
-        if index < records[(self.first + past) as usize] {
+        if block.groups > 0 && index < records[(block.first + past) as usize] {
             // Find the last class and workgroup with at most `index` points before it.
             while past - low > 1 {
                 let middle = (low + past) / 2;
-                if records[(self.first + middle) as usize] <= index {
+                if records[(block.first + middle) as usize] <= index {
                     low = middle;
                 } else {
                     past = middle;
                 }
             }
-            let class = low / self.groups % CLASSES;
-            let mut left = index - records[(self.first + low) as usize];
-            point = low % self.groups * GROUP;
+            let class = low / block.groups % CLASSES;
+            let mut left = index - records[(block.first + low) as usize];
+            point = (which * OF_BLOCK + low % block.groups) * GROUP;
             let mut going = true;
             while going {
                 let is = self.class(records, point, of_light) == class;
@@ -197,37 +212,44 @@ pub(super) fn count_searches(paths: Paths, loss: Loss, records: &mut [u32], poin
                 in_class += 1;
             }
         }
-        records[order.place(UNIT_POS, group)] = in_class;
+        let block = order.block(group / OF_BLOCK);
+        let place = block.first + UNIT_POS * block.groups + group % OF_BLOCK;
+        records[place as usize] = in_class;
     }
 }
 
-/// Replaces each number in a list by the sum of the numbers before it, and writes the total behind the list. One
-/// workgroup runs it, and its threads use the space behind the total.
+/// Replaces each count of a block by the sum of the block's counts before it, and writes the total behind them. One
+/// workgroup per block runs it, and its threads use the space behind the total. `first` is the first word of the order.
 #[cube(launch)]
-pub(super) fn add_before(list: &mut [u32], first: u32, count: u32) {
+pub(super) fn add_before(list: &mut [u32], first: u32, points: u32) {
+    let groups = points.div_ceil(GROUP);
+    let block = Order { first, groups }.block(CUBE_POS as u32);
+    let count = 2 * CLASSES * block.groups;
     let each = count.div_ceil(GROUP);
     let from = (UNIT_POS * each).min(count);
     let past = (from + each).min(count);
     let mut own = 0u32;
     for i in from..past {
-        own += list[(first + i) as usize];
+        own += list[(block.first + i) as usize];
     }
     // On a software driver, all elements of CubeCL's shared memory are the same, so threads share a part of the list.
-    let room = first + count + 1;
-    list[(room + UNIT_POS) as usize] = own;
+    let room = block.first + count + 1;
+    if count > 0 {
+        list[(room + UNIT_POS) as usize] = own;
+    }
     sync_storage();
     let mut before = 0u32;
     for unit in 0..UNIT_POS {
         before += list[(room + unit) as usize];
     }
     for i in from..past {
-        let at = (first + i) as usize;
+        let at = (block.first + i) as usize;
         let sum = before + list[at];
         list[at] = before;
         before = sum;
     }
-    if UNIT_POS == GROUP - 1 {
-        list[(first + count) as usize] = before;
+    if count > 0 && UNIT_POS == GROUP - 1 {
+        list[(block.first + count) as usize] = before;
     }
 }
 
@@ -252,7 +274,7 @@ mod tests {
         }
     }
 
-    /// Each point with searches has one place, and points with more searches come first.
+    /// Each point with searches has one place in its block, and points with more searches come first.
     #[test]
     fn points_in_the_order_of_their_searches() {
         let device = crate::device::of_tests();
@@ -260,23 +282,27 @@ mod tests {
             panic!("no GPU")
         };
         let client = cube.client();
-        let points = 1000;
+        let of_block = (GROUP * OF_BLOCK) as usize;
+        let points = of_block + 1000;
         let groups = points.div_ceil(GROUP as usize);
         let searches = |point: usize| [point * 7 % 3, point * 5 % 13 % 11].map(|n| n as u32);
-        let (first, count) = places_of_order(0, points);
         let mut words = vec![0; words_of_order(points)];
         for point in 0..points {
             let [light, reflected] = searches(point);
-            words[(count + 1 + GROUP) as usize + point] = light | (reflected << OF_LIGHT);
+            words[point] = light | (reflected << OF_LIGHT);
+            let (block, group) = (point / of_block, point % of_block / GROUP as usize);
+            let own = (groups - block * OF_BLOCK as usize).min(OF_BLOCK as usize);
+            let first = groups * GROUP as usize + block * BLOCK_WORDS as usize;
             for (order, n) in [light, reflected].into_iter().enumerate() {
                 if n > 0 {
                     let class = (order as u32 * CLASSES + CLASSES - n.min(CLASSES)) as usize;
-                    words[class * groups + point / GROUP as usize] += 1;
+                    words[first + class * own + group] += 1;
                 }
             }
         }
         let [records] = List::send(&client, [u32::as_bytes(&words)]);
-        launch!(&client, 1, add_before(&records, first, count));
+        let threads = GROUP as usize * blocks_of(points);
+        launch!(&client, threads, add_before(&records, 0, points as u32));
         for (order, of_light) in [(0, true), (1, false)] {
             let found = List::room(&client, points);
             launch!(
@@ -286,13 +312,16 @@ mod tests {
             );
             let bytes = client.read_one(found.handle).expect("points");
             let found: &[u32] = u32::from_bytes(&bytes);
-            let mut wanted: Vec<u32> = (0..points as u32).collect();
             let of = |point: &u32| searches(*point as usize)[order];
-            wanted.retain(|point| of(point) > 0);
-            wanted.sort_by_key(|point| CLASSES - of(point).min(CLASSES));
-            let (own, rest) = found.split_at(wanted.len());
-            assert_eq!(own, wanted, "{of_light}");
-            assert!(rest.iter().all(|&point| point == NONE));
+            for (block, found) in found.chunks(of_block).enumerate() {
+                let first = block * of_block;
+                let mut wanted: Vec<u32> = (first as u32..(first + found.len()) as u32).collect();
+                wanted.retain(|point| of(point) > 0);
+                wanted.sort_by_key(|point| CLASSES - of(point).min(CLASSES));
+                let (own, rest) = found.split_at(wanted.len());
+                assert_eq!(own, wanted, "{of_light}");
+                assert!(rest.iter().all(|&point| point == NONE));
+            }
         }
     }
 }

@@ -14,6 +14,8 @@ pub(crate) use emitters::{
     EmitterTriangle, Emitters, Fixed, LightTree, Met, Receiver, no_emitter_hit,
 };
 pub(crate) use numbers::draw_eight;
+#[cfg(feature = "gpu")]
+pub(crate) use sampler::LENGTH;
 pub(crate) use sampler::Sampler;
 pub use strategies::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub(crate) use stream::{Dimensions, Four, Stream};

@@ -218,17 +218,30 @@ impl EdgeSets {
             edges.count = 0;
             moved = scene.hierarchy.moved_since(sets.version);
         }
+        let (mut moving, mut others) = (Vec::new(), Vec::new());
         for (i, (mesh, object)) in kept.meshes.iter_mut().zip(&host.objects).enumerate() {
+            let first = edges.count as u32;
             mesh.update(scene, i, object);
             mesh.add_to(&mut edges, scene, i, moved);
+            let list = if wanted.objects[i] != 0 {
+                &mut moving
+            } else {
+                &mut others
+            };
+            list.extend(first..edges.count as u32);
         }
         let crossings = kept.crossings.update(scene);
+        let first = edges.count as u32;
         edges.extend(crossings.len(), moved, |i| crossings[i]);
         edges.resize();
-        let all_move = wanted.objects.iter().all(|&object| object != 0);
-        let moves = |&i: &u32| all_move || edges.get(i as usize).moves(scene, wanted);
-        let numbers = 0..edges.count as u32;
-        let (moving, others): (Vec<u32>, Vec<u32>) = numbers.clone().partition(moves);
+        for (i, edge) in (first..).zip(crossings) {
+            let list = if edge.moves(scene, wanted) {
+                &mut moving
+            } else {
+                &mut others
+            };
+            list.push(i);
+        }
         let source = EdgeList {
             edges: &edges,
             scene,
@@ -239,7 +252,7 @@ impl EdgeSets {
             (EdgeTree::new(&source, &moving, first, last), Moving::Whole)
         } else if EdgeTree::is_list(&moving) {
             let tree = EdgeTree::new(&source, &moving, first, EdgeTree::default());
-            let all: Vec<u32> = numbers.collect();
+            let all: Vec<u32> = (0..edges.count as u32).collect();
             let whole = EdgeTree::new(&source, &all, second, last);
             (whole, Moving::Separate(tree))
         } else {
