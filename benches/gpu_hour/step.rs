@@ -7,6 +7,9 @@ use serde_json::{Value, json};
 use softray::device::{Stage, stages_of, work};
 use softray::prelude::*;
 
+/// How long steps run before they are timed.
+const WARM_UP: Duration = Duration::from_secs(1);
+
 /// Scenes with a body whose vertices are trained and one that stands, or with colors that are trained alone.
 pub struct Step {
     pub name: &'static str,
@@ -87,6 +90,11 @@ impl Step {
             start.elapsed()
         };
         let first = timed(0);
+        // The clock of a GPU rises while it works.
+        let start = Instant::now();
+        while start.elapsed() < WARM_UP {
+            self.run(&world, 0, device);
+        }
         let step = (1..=runs.max(1)).map(timed).min().expect("a run");
         let images = (0..=runs.max(1)).map(|k| self.image(&world, k, device));
         let image = images.skip(1).min().expect("a run");

@@ -130,20 +130,21 @@ impl Weld {
         // whose value is not in `again` is alone.
         let bits = (16 * positions.len()).next_power_of_two().max(64);
         let (mut once, mut again) = (vec![0u64; bits / 64], vec![0u64; bits / 64]);
-        let place_of = |p: &[f64; 3]| {
+        let hash = |p: &[f64; 3]| {
             let mut hash = Mix::default();
             key(p).into_iter().for_each(|word| hash.write_u64(word));
-            let place = hash.finish() as usize % bits;
-            (place / 64, 1 << (place % 64))
+            hash.finish() as usize % bits
         };
-        for (word, bit) in positions.iter().map(place_of) {
+        let hashes: Vec<usize> = positions.par_iter().map(hash).collect();
+        let place_of = |hash: usize| (hash / 64, 1 << (hash % 64));
+        for (word, bit) in hashes.iter().copied().map(place_of) {
             again[word] |= once[word] & bit;
             once[word] |= bit;
         }
         let mut several: HashMap<[u64; 3], u32, BuildHasherDefault<Mix>> = HashMap::default();
         let mut count = 0;
-        let place = |p| {
-            let (word, bit) = place_of(p);
+        let place = |(p, &hash)| {
+            let (word, bit) = place_of(hash);
             let next = count;
             let place = if again[word] & bit == 0 {
                 next
@@ -153,7 +154,7 @@ impl Weld {
             count += u32::from(place == next);
             place
         };
-        let of_vertex = positions.iter().map(place).collect();
+        let of_vertex = positions.iter().zip(&hashes).map(place).collect();
         Self {
             of_vertex,
             count: count as usize,

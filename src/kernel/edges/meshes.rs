@@ -44,14 +44,25 @@ pub(super) struct MeshEdges {
 
 impl MeshEdges {
     /// Updates the edges for an object. They are computed again only if its faces, its coinciding vertices or its faces
-    /// without area changed.
-    pub fn update(&mut self, scene: &KernelScene, object: usize, host: &HostObject) {
+    /// without area changed. `moved` is whether each triangle has moved since the last render, if that is known.
+    pub fn update(
+        &mut self,
+        scene: &KernelScene,
+        object: usize,
+        host: &HostObject,
+        moved: Option<&[bool]>,
+    ) {
+        let first = std::mem::replace(&mut self.first, scene.lists.objects[object].first_triangle);
+        let own = self.first..self.first + host.faces.len();
+        let rests = moved.is_some_and(|m| m.is_empty() || !m[own.clone()].contains(&true));
+        if rests && self.first == first && self.faces == host.faces {
+            return;
+        }
         let weld = Weld::new(&host.positions);
-        self.first = scene.lists.objects[object].first_triangle;
-        let surfaces = &scene.lists.surfaces[self.first..self.first + host.faces.len()];
+        let surfaces = scene.lists.surfaces[own].par_iter().enumerate();
         let empty =
             |(f, s): (usize, &[f32; triangle::NUMBERS])| (s[AREA] <= 0.0).then_some(f as u32);
-        let empty: Vec<u32> = surfaces.iter().enumerate().filter_map(empty).collect();
+        let empty: Vec<u32> = surfaces.filter_map(empty).collect();
         if self.faces == host.faces && self.weld == weld && self.empty == empty {
             return;
         }

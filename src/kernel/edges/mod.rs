@@ -218,30 +218,23 @@ impl EdgeSets {
             edges.count = 0;
             moved = scene.hierarchy.moved_since(sets.version);
         }
-        let (mut moving, mut others) = (Vec::new(), Vec::new());
-        for (i, (mesh, object)) in kept.meshes.iter_mut().zip(&host.objects).enumerate() {
+        let of_objects = kept.meshes.par_iter_mut().zip(&host.objects).enumerate();
+        of_objects.for_each(|(i, (mesh, object))| mesh.update(scene, i, object, moved));
+        // The edges that do not move, and those that do.
+        let mut parts = [Vec::new(), Vec::new()];
+        for (i, mesh) in kept.meshes.iter().enumerate() {
             let first = edges.count as u32;
-            mesh.update(scene, i, object);
             mesh.add_to(&mut edges, scene, i, moved);
-            let list = if wanted.objects[i] != 0 {
-                &mut moving
-            } else {
-                &mut others
-            };
-            list.extend(first..edges.count as u32);
+            let moves = wanted.objects[i] != 0;
+            parts[usize::from(moves)].extend(first..edges.count as u32);
         }
         let crossings = kept.crossings.update(scene);
-        let first = edges.count as u32;
+        for (i, edge) in (edges.count as u32..).zip(crossings) {
+            parts[usize::from(edge.moves(scene, wanted))].push(i);
+        }
         edges.extend(crossings.len(), moved, |i| crossings[i]);
         edges.resize();
-        for (i, edge) in (first..).zip(crossings) {
-            let list = if edge.moves(scene, wanted) {
-                &mut moving
-            } else {
-                &mut others
-            };
-            list.push(i);
-        }
+        let [others, moving] = parts;
         let source = EdgeList {
             edges: &edges,
             scene,
