@@ -87,3 +87,23 @@ pub(crate) fn select<T>(condition: bool, a: T, b: T) -> T {
 pub(crate) mod select {
     pub(crate) use burn::cubecl::prelude::select::expand;
 }
+
+/// Returns `count`, the number of repetitions of a loop. Compilers of kernels do not know it, so they do not unroll the
+/// loop: too large a kernel waits for its instructions. `small` is any variable below 2³¹.
+#[inline(always)]
+pub(crate) const fn repeated(count: usize, _small: u32) -> usize {
+    count
+}
+
+/// The expansion of `repeated` in kernels.
+#[cfg(feature = "gpu")]
+pub(crate) mod repeated {
+    use super::*;
+
+    #[cube]
+    pub(crate) fn unknown(count: usize, small: u32) -> usize {
+        count + (small >> 31) as usize
+    }
+
+    pub(crate) use unknown::expand;
+}

@@ -167,7 +167,7 @@ pub(crate) fn put_edge(list: &mut [f32], lane: usize, e: &SeenEdge, velocity: V3
 fn weigh_node(tree: &Root, node: usize, q: &Query, large: f32, room: &mut [u32]) {
     let first = LANES * NODE * node;
     let block = &tree.nodes[first..first + LANES * NODE];
-    for i in 0..LANES {
+    for i in 0..repeated(LANES, tree.count) {
         let found = subtree(block, i).estimate(q, large);
         let enters = select(found.enter, 1u32, 0u32);
         room[i] = found.weight.to_bits();
@@ -182,19 +182,20 @@ fn weigh_node(tree: &Root, node: usize, q: &Query, large: f32, room: &mut [u32])
 fn weigh_leaf(tree: &Root, leaf: usize, q: &Query, room: &mut [u32]) -> f32 {
     let first = LANES * LEAF * leaf;
     let block = &tree.leaves[first..first + LANES * LEAF];
-    for i in 0..LANES {
+    let lanes = repeated(LANES, tree.count);
+    for i in 0..lanes {
         room[i] = seen_edge(tree, block, i, q).jump(q).to_bits();
     }
     let mut sum = sum_of(&room[..LANES]);
     if sum > 0.0 {
         if q.cos > 0.0 {
-            for i in 0..LANES {
+            for i in 0..lanes {
                 let edge = seen_edge(tree, block, i, q);
                 let jump = f32::from_bits(room[i]);
                 room[i] = edge.weight_in_cone(jump, q).to_bits();
             }
         } else {
-            for i in 0..LANES {
+            for i in 0..lanes {
                 let edge = seen_edge(tree, block, i, q);
                 let jump = f32::from_bits(room[i]);
                 room[i] = edge.weight_over_horizon(jump, q).to_bits();
@@ -264,7 +265,7 @@ pub(crate) fn draw_edge(tree: &Root, room: &mut [u32], q: &Query, u: Uniform) ->
             }
             let all = budget > 0 && length + LANES as u32 <= ENTERED;
             let mut far = 0.0f32;
-            for i in 0..LANES {
+            for i in 0..repeated(LANES, tree.count) {
                 let own = f32::from_bits(room[i]);
                 if own > 0.0 {
                     if all && room[ENTERS + i] == 1 {
