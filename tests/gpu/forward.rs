@@ -238,3 +238,22 @@ fn too_many_directions_are_an_error() {
     says(said, ["the sums of derivatives"]);
     assert_eq!(work().launches, before);
 }
+
+/// A derivative that is not finite is that of its pixel alone: the others see the sky.
+#[test]
+fn what_is_not_finite_stays_in_its_pixel() {
+    let device = device();
+    let body = diffuse(shapes::icosahedron(&device).scaled(0.3), [0.5; 3]);
+    let scene = Scene::new().with_object(body).with_environment([40.0; 3]);
+    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).with_fov_y(40.0);
+    let tangent = Tangent::new(&scene, &camera, |scene, _| {
+        scene.objects[0].materials[0] = Material::diffuse([3e38; 3]);
+    });
+    let options = of_room(2).with_bounces(0);
+    let all = render_derivative(&scene, &camera, &options, &[tangent.expect("a tangent")]);
+    let [_, by] = numbers(&all.expect("derivatives"));
+    let middle = 3 * (SIZE / 2 * SIZE + SIZE / 2);
+    assert!(by[middle..][..3].iter().all(|v| !v.is_finite()), "{by:?}");
+    let sky: Vec<f64> = [&by[..3 * SIZE], &by[3 * SIZE * (SIZE - 1)..]].concat();
+    assert!(sky.iter().all(|&v| v == 0.0), "{by:?}");
+}
