@@ -13,6 +13,7 @@ use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraGradient;
 use crate::model::cone::bend;
 use crate::model::connection::Target;
+use crate::model::numbers::is_nonzero;
 use crate::model::{V3, splat};
 use crate::sampling::{EmitterPlace, Four};
 use crate::trace::{
@@ -84,7 +85,7 @@ fn vertex(
 }
 
 /// Runs the backward pass along a path of a pixel: adds the derivatives of the path's light, times `upstream`, to the
-/// sums.
+/// sums. In forward mode `upstream` and the sums are those of a channel.
 #[cube]
 pub(super) fn path_backward(
     scene: &Scene,
@@ -93,6 +94,7 @@ pub(super) fn path_backward(
     room: Room,
     which: PathAt,
     upstream: Seen,
+    channel: u32,
 ) {
     let mut memory = Memory::new(scene);
     let path = begin(scene, which.pixel, which.sample);
@@ -103,7 +105,8 @@ pub(super) fn path_backward(
     if points == 0 {
         by_ray.direction = sky_backward(scene, sums, path.ray.direction, g);
     }
-    let mut left = points;
+    // Only the first point has derivatives of other outputs than radiance.
+    let mut left = select(is_nonzero(g.abs().element_sum()), points, points.min(1));
     while left > 0 {
         left -= 1;
         let i = left;
@@ -138,7 +141,9 @@ pub(super) fn path_backward(
         }
         by_throughput = by_before;
         if comptime!(sums.of.jumps) {
-            room.add_jumped(records, i, &mut by);
+            if is_nonzero(g.abs().element_sum()) {
+                room.add_jumped(records, i, channel, &mut by);
+            }
         }
         let mut by_t = 0.0f32;
         if i == 0 {

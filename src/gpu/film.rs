@@ -11,7 +11,7 @@ use super::hit::{Memory, Ray, trace};
 use super::job::{Job, Views};
 use super::jumps::light_beside;
 use super::loss::Loss;
-use super::sums::Adding;
+use super::sums::{Adding, of_channel};
 use crate::kernel::Piece;
 use crate::model::camera::{Camera, CameraRay};
 use crate::model::film::{BLOCK, DrawnPiece, draw_piece, samples_of_film};
@@ -206,7 +206,6 @@ pub(super) fn film_jumps(
         if samples.spread == 0 && sample >> length < film_sample.total >> length {
             sample = source.in_order(sample, length);
         }
-        let sums = adding.of_thread(&scene, loss.scales, thread);
         let places = &films[(OF_FILM * samples.views) as usize..];
         let film_of = (OF_FILM * which) as usize;
         let total = f32::from_bits(films[film_of + TOTAL]);
@@ -236,7 +235,9 @@ pub(super) fn film_jumps(
                 row = row_of(&scene, places, f.film.x, f.film.y, listed);
             }
             if row != NONE {
-                let g = loss.of_row(&scene, which * samples.of_view + row);
+                let pixel = which * samples.of_view + row;
+                let sums = loss.sums(&scene, &adding, thread, pixel);
+                let g = loss.of_row(&scene, pixel);
                 if is_nonzero(g.size()) {
                     let path = Beginning {
                         numbers,
@@ -246,7 +247,7 @@ pub(super) fn film_jumps(
                         // Unused: the path begins beside the edge.
                         ray: CameraRay::default(),
                     };
-                    add_film_jump(&scene, &sums, &c, &mut f, &g, path);
+                    add_film_jump(&scene, &loss, &sums, &c, &mut f, &g, path);
                 }
             }
         }
@@ -258,6 +259,7 @@ pub(super) fn film_jumps(
 #[cube]
 fn add_film_jump(
     scene: &Scene,
+    loss: &Loss,
     sums: &Sums,
     c: &Camera,
     f: &mut FilmPoint,
@@ -277,10 +279,14 @@ fn add_film_jump(
     let hit = trace(scene, &mut memory, ray, p.faces, false, true);
     if !hides(scene, &hit, &p, time) {
         let light = light_beside(scene, &mut memory, path, 0u32, true, &approach, &hit, true);
-        let jump = g.jump(&light);
-        let scale = jump * p.per_density;
-        if is_nonzero(scale) && is_finite(scale) {
-            f.backward(scene, sums, c, jump, time);
+        let channels = comptime!(loss.outputs.channels(loss.forward));
+        #[unroll(channels == 1)]
+        for channel in 0..channels {
+            let jump = loss.of_channel(g, channel).jump(&light);
+            let scale = jump * p.per_density;
+            if is_nonzero(scale) && is_finite(scale) {
+                f.backward(scene, &of_channel(sums, channel), c, jump, time);
+            }
         }
     }
 }

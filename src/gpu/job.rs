@@ -2,15 +2,10 @@
 
 use std::sync::Arc;
 
-use burn::tensor::Device;
-
 use crate::cube::*;
 
-use super::device::{List, has_room};
+use super::device::List;
 use super::packed::Packed;
-use super::sums::words_of_sums;
-use crate::device::label;
-use crate::error::{Error, Result};
 use crate::trace::{Features, Fours, Scene};
 
 /// The requested rows of an image beside radiance.
@@ -33,6 +28,16 @@ impl Outputs {
             + 3 * (usize::from(self.normals) + usize::from(self.albedo))
             + self.objects
             + usize::from(self.rays)
+    }
+
+    /// Returns the number of backward passes along a path: one for a loss, and in forward mode one for each channel.
+    pub fn channels(self, forward: bool) -> u32 {
+        if forward { self.rows() as u32 } else { 1 }
+    }
+
+    /// Returns how many of these passes have derivatives of radiance, which may jump at edges that surfaces see.
+    pub fn channels_of_radiance(forward: bool) -> u32 {
+        if forward { 3 } else { 1 }
     }
 }
 
@@ -199,27 +204,4 @@ impl Job {
             self.pixels.is_some(),
         )
     }
-}
-
-/// Checks that a device supports the bindings of the kernels and the lengths of the lists.
-///
-/// # Errors
-/// Returns an error with the name of the device, and the missing bindings or the list that is too long.
-pub(crate) fn check<'a>(
-    device: &Device,
-    jobs: impl Iterator<Item = &'a Job>,
-    with_gradient: bool,
-) -> Result<()> {
-    let mut lists = Vec::new();
-    for job in jobs {
-        let scene = job.views.buffers.longest();
-        lists.push(("the scene", scene));
-        lists.push(("the image", job.count() * job.outputs.rows()));
-        if with_gradient {
-            let sums = &job.views.sums;
-            let words = words_of_sums(sums.replicas(), sums.count);
-            lists.push(("the sums of derivatives", words));
-        }
-    }
-    has_room(device, &lists).map_err(|message| Error::device(label(device), message))
 }

@@ -5,8 +5,12 @@ use crate::cube::*;
 
 use super::camera::Beginning;
 use super::hit::{Memory, Ray, trace};
+use super::job::Outputs;
+use super::loss::Loss;
 use super::packed::OF_TREE;
 use super::path::light_of;
+use super::records::Room;
+use super::sums::of_channel;
 use super::walk::Start;
 use crate::accel::Hit;
 use crate::kernel::{DrawnEdge, NO_EDGE, Root, draw_edge};
@@ -101,15 +105,17 @@ fn root_of<'a>(scene: &Scene<'a>, tree: u32, #[comptime] has_nodes: bool) -> Roo
 }
 
 /// Adds the derivatives from jumps seen from a point of a path: at shadow edges of emitters, or at edges in reflected
-/// light.
+/// light. Those with respect to the point are added to its record.
 #[cube]
 pub(super) fn jumps_seen_from(
     scene: &Scene,
     memory: &mut Memory,
+    records: &mut [u32],
+    room: Room,
+    loss: &Loss,
     sums: &Sums,
     path: &Beginning,
     observer: &Observer,
-    by: &mut PointGradient,
     #[comptime] of_light: bool,
 ) {
     let mut edge_room = Array::<u32>::new(sums.of.edge_room);
@@ -139,7 +145,9 @@ pub(super) fn jumps_seen_from(
             while k < e.past {
                 let jump: Jump = jump_at(scene, &o, &s, &e, k);
                 if jump.limit > 0.0 {
-                    add_jump(scene, memory, sums, path, &o, &s, &e, &jump, by, of_light);
+                    add_jump(
+                        scene, memory, records, room, loss, sums, path, &o, &s, &e, &jump, of_light,
+                    );
                 }
                 k += 1;
             }
@@ -154,13 +162,15 @@ pub(super) fn jumps_seen_from(
 fn add_jump(
     scene: &Scene,
     memory: &mut Memory,
+    records: &mut [u32],
+    room: Room,
+    loss: &Loss,
     sums: &Sums,
     path: &Beginning,
     o: &Observer,
     s: &Search,
     e: &EdgeView,
     jump: &Jump,
-    by: &mut PointGradient,
     #[comptime] of_light: bool,
 ) {
     let time = path.time;
@@ -174,7 +184,10 @@ fn add_jump(
     let hit = trace(scene, memory, ray, p.faces, of_light, true);
     if of_light {
         if hit.triangle == NONE {
-            shadow_backward(scene, sums, o, s, e, jump, time, by);
+            let light = Seen::default();
+            jump_backward(
+                scene, records, room, loss, sums, o, s, e, jump, &light, time, of_light,
+            );
         }
     } else if !hides(scene, &hit, &p, time) {
         let approach = e.approach(jump.sides);
@@ -192,7 +205,41 @@ fn add_jump(
         let light = light_beside(
             scene, memory, beginning, next, goes_on, &approach, &hit, false,
         );
-        reflected_backward(scene, sums, o, s, e, jump, &light, time, by);
+        jump_backward(
+            scene, records, room, loss, sums, o, s, e, jump, &light, time, of_light,
+        );
+    }
+}
+
+/// Adds the derivatives from a jump, for each channel. `light` is the jump of reflected light.
+#[cube]
+fn jump_backward(
+    scene: &Scene,
+    records: &mut [u32],
+    room: Room,
+    loss: &Loss,
+    sums: &Sums,
+    o: &Observer,
+    s: &Search,
+    e: &EdgeView,
+    jump: &Jump,
+    light: &Seen,
+    time: f32,
+    #[comptime] of_light: bool,
+) {
+    let channels = comptime!(Outputs::channels_of_radiance(loss.forward));
+    #[unroll(channels == 1)]
+    for channel in 0..channels {
+        let own = of_channel(sums, channel);
+        let view: EdgeView = e.with_carried(loss.radiance_of(e.carried, channel));
+        let mut by = PointGradient::default();
+        room.add_jumped(records, o.bounce, channel, &mut by);
+        if of_light {
+            shadow_backward(scene, &own, o, s, &view, jump, time, &mut by);
+        } else {
+            reflected_backward(scene, &own, o, s, &view, jump, light, time, &mut by);
+        }
+        room.keep_jumped(records, o.bounce, channel, &by);
     }
 }
 

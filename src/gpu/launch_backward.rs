@@ -1,5 +1,5 @@
 //! The backward pass on burn's devices: derivatives are measured, then summed and converted into gradients. Nothing
-//! is read back in between, except for statistics.
+//! is read back in between, except for statistics. Forward mode makes the same pass ([`super::directions`]).
 
 use burn::backend::Cube;
 use burn::backend::tensor::FloatTensor;
@@ -8,17 +8,16 @@ use burn::tensor::{Device, Shape};
 
 use super::device::{GROUP, List, floats, has_room, launch, rows_of, without_backtrace, zeros};
 use super::film::{FilmSamplesLaunch, Films, OF_PIECE, WHOLE, film_jumps};
+use super::form::Form;
 use super::gradient::{Table, ViewPlaces, write_gradient};
-use super::job::{Job, PATHS, Piece};
+use super::job::{Job, Outputs, PATHS, Piece};
 use super::loss::LossLaunch;
 use super::passes::{add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};
 use super::searches::{add_before, blocks_of, count_searches, in_order, words_of_order};
-use super::sums::{
-    AddingLaunch, MORE, TYPICAL, add_replicas, bits_of_each, choose_scales, words_of_sums,
-};
+use super::sums::{AddingLaunch, MORE, add_replicas, bits_of_each, choose_scales};
 use crate::device::{self, label, stage};
-use crate::trace::{BOUNCES, FIRST_SUM, Features, MEASURE, PARTS};
+use crate::trace::{BOUNCES, Features};
 
 /// Maximum number of words of the paths' records in a launch, unless one path needs more.
 const RECORDS: usize = 1 << 25;
@@ -45,23 +44,17 @@ pub(crate) fn gradient_of(
     let (gradient, list) = zeros(upstream, Shape::from([numbers]));
     for (group, job) in jobs {
         let views: Vec<ViewPlaces> = group.iter().map(|&view| views[view]).collect();
-        let films = stage("edges on films", || Films::new(&views, job));
-        let lists = [
-            ("the list of edges on films", films.pieces.len()),
-            ("the table of pixels", films.table.len()),
-        ];
-        if let Err(why) = has_room(device, &lists) {
-            fail(format!("{why}, or several batches of fewer views"));
+        let films = films_of(device, &views, job, &[]);
+        let films =
+            films.unwrap_or_else(|why| fail(format!("{why}, or several batches of fewer views")));
+        let table = Table::new(&job.views.sums, &views);
+        if table.numbers > 0 {
+            let (client, rows) = floats(rows_of(upstream, group, job.of_view));
+            let form = Form::new(job, 0);
+            let lists = [u32::as_bytes(&table.words), f32::as_bytes(&table.factors)];
+            let pass = Pass::new(client, Some(rows), lists, form, job, &films);
+            pass.write_gradient(table.numbers, &list);
         }
-        let numbers = films.pieces.chunks_exact(OF_PIECE as usize);
-        if numbers
-            .take(films.count as usize)
-            .any(|p| p[3].max(p[4]) >= WHOLE)
-        {
-            fail(format!("more than {WHOLE} edges or cells of 8 × 8 pixels"));
-        }
-        let rows = rows_of(upstream, group, job.of_view);
-        Pass::new(rows, job, &films, &views).run(&list);
     }
     // This check reports buffers that could not be allocated and kernels that could not be compiled.
     let (client, _) = floats(gradient.clone());
@@ -71,23 +64,46 @@ pub(crate) fn gradient_of(
     gradient
 }
 
+/// Returns the edges on the films of a job's views. Otherwise returns a message about what the device lacks for these
+/// or for `more` lists.
+pub(super) fn films_of(
+    device: &Device,
+    views: &[ViewPlaces],
+    job: &Job,
+    more: &[(&str, usize)],
+) -> Result<Films, String> {
+    let films = stage("edges on films", || Films::new(views, job));
+    let lists = [
+        ("the list of edges on films", films.pieces.len()),
+        ("the table of pixels", films.table.len()),
+    ];
+    has_room(device, &[&lists, more].concat())?;
+    let pieces = films.pieces.chunks_exact(OF_PIECE as usize);
+    let mut pieces = pieces.take(films.count as usize);
+    match pieces.any(|p| p[3].max(p[4]) >= WHOLE) {
+        true => Err(format!("more than {WHOLE} edges or cells of 8 × 8 pixels")),
+        false => Ok(films),
+    }
+}
+
 /// The launches of a backward pass for one job.
 pub(super) struct Pass<'a> {
     pub client: Client,
     pub job: &'a Job,
     pub films: &'a Films,
     pub scene: [List; 3],
-    upstream: List,
+    /// The upstream gradient, or in forward mode the tangents.
+    numbers: List,
     records: List,
     pub pieces: List,
     pub table: List,
     pub scales: List,
+    pub form: Form,
     /// The largest derivatives of parts, and space for all sums.
     sizes: List,
-    sums: List,
-    /// How gradients are computed from sums.
-    tensors: Table,
-    of_tensors: [List; 2],
+    pub sums: List,
+    /// The lists that were sent along.
+    lists: [List; 2],
     /// Maximum number of paths in a launch.
     at_once: usize,
     /// Number of bits of each scaled derivative.
@@ -95,47 +111,42 @@ pub(super) struct Pass<'a> {
 }
 
 impl<'a> Pass<'a> {
-    /// Prepares a pass from the derivatives of the loss with respect to the rows of a job's views, in a contiguous
-    /// tensor.
-    fn new(
-        upstream: FloatTensor<Cube>,
+    /// Makes all sums of a job. `upstream` has the derivatives of the loss with respect to the rows of its views. In
+    /// forward mode there is none, and the first of the `lists` has the tangents. All lists are sent in one transfer.
+    pub fn new(
+        client: Client,
+        upstream: Option<List>,
+        lists: [&[u8]; 2],
+        form: Form,
         job: &'a Job,
         films: &'a Films,
-        views: &[ViewPlaces],
     ) -> Self {
-        let (client, upstream) = floats(upstream);
-        let of_path = of_path(job);
+        let of_path = of_path(job, form);
         let at_once = (RECORDS / of_path).clamp(1, job.count() * job.samples as usize);
         let order = words_of_order(at_once * points(job));
-        let most = at_once * points(job) + PATHS.min(films.samples as usize);
-        let bits = bits_of_each(16 * most as u64);
-        let mut scales = vec![MEASURE; PARTS];
-        scales.push(2.0f32.powi(bits));
-        scales.resize(TYPICAL + 2 * job.views.views, 0.0);
-        let tensors = Table::new(&job.views.sums, views);
-        let [pieces, table, scales, sizes, words, factors] = List::send(
+        let bits = bits_of_each(most_derivatives(job, form, films, at_once) as u64);
+        let [pieces, table, scales, sizes, first, second] = List::send(
             &client,
             [
                 f32::as_bytes(&films.pieces),
                 u32::as_bytes(&films.table),
-                f32::as_bytes(&scales),
-                u32::as_bytes(&[0; FIRST_SUM]),
-                u32::as_bytes(&tensors.words),
-                f32::as_bytes(&tensors.factors),
+                f32::as_bytes(&form.scales(bits, job.views.views)),
+                u32::as_bytes(&vec![0; form.parts]),
+                lists[0],
+                lists[1],
             ],
         );
-        let sums = &job.views.sums;
         let pass = Self {
             scene: job.lists(&client),
-            upstream,
+            numbers: upstream.unwrap_or_else(|| first.clone()),
             records: List::room(&client, of_path * at_once + order),
             pieces,
             table,
             scales,
+            form,
             sizes,
-            sums: List::room(&client, words_of_sums(sums.replicas(), sums.count)),
-            tensors,
-            of_tensors: [words, factors],
+            sums: List::room(&client, form.words()),
+            lists: [first, second],
             at_once,
             bits,
             client,
@@ -143,15 +154,13 @@ impl<'a> Pass<'a> {
             films,
         };
         pass.look_at_pixels();
+        pass.measure();
+        pass.add_all();
         pass
     }
 
-    /// Measures derivatives, sums them, and adds the gradients of the tensors to `gradient`.
-    fn run(self, gradient: &List) {
-        if self.tensors.numbers == 0 {
-            return;
-        }
-        self.measure();
+    /// Sums all derivatives.
+    fn add_all(&self) {
         let samples = self.films.samples as usize;
         let mut pieces = self.job.pieces(self.at_once).into_iter().peekable();
         while let Some(piece) = pieces.next() {
@@ -166,19 +175,22 @@ impl<'a> Pass<'a> {
             self.add_film([first, (samples - first).min(PATHS), 0], &self.sums);
             self.fold();
         }
-        let [words, factors] = &self.of_tensors;
+    }
+
+    /// Adds the gradients of tensors, made from sums by the table that was sent along, to `gradient`.
+    fn write_gradient(&self, numbers: usize, gradient: &List) {
+        let (client, [words, factors]) = (&self.client, &self.lists);
         launch!(
-            &self.client,
-            self.tensors.numbers,
+            client,
+            numbers,
             write_gradient(
-                self.job
-                    .views(&self.client, &self.scene, Features::default()),
+                self.job.views(client, &self.scene, Features::default()),
                 &self.sums,
                 &self.scales,
                 words,
                 factors,
                 gradient,
-                self.tensors.numbers as u32
+                numbers as u32
             )
         );
     }
@@ -205,32 +217,42 @@ impl<'a> Pass<'a> {
         }
         launch!(
             &self.client,
-            self.sums.length.max(PARTS),
-            choose_scales(&self.sizes, &self.scales, self.bits - MORE, &self.sums)
+            self.sums.length.max(self.form.parts),
+            choose_scales(
+                &self.sizes,
+                &self.scales,
+                self.form.parts as u32,
+                self.bits - MORE,
+                &self.sums
+            )
         );
     }
 
     /// Adds the replicas of a launch to the sums of all launches.
     fn fold(&self) {
-        let sums = &self.job.views.sums;
-        let numbers = sums.count as u32;
+        let form = self.form;
+        let (replicas, numbers) = (form.replicas() as u32, form.count as u32);
         launch!(
             &self.client,
-            sums.count,
-            add_replicas(&self.sums, sums.replicas() as u32, numbers)
+            form.count,
+            add_replicas(&self.sums, replicas, numbers)
         );
     }
 
     /// Returns the derivatives of the loss, times a factor, and the scales of sums as a kernel argument.
     pub fn loss(&self, scale: f32) -> LossLaunch {
-        let upstream = self.upstream.argument();
-        LossLaunch::new(upstream, self.scales.argument(), scale, self.job.outputs)
+        LossLaunch::new(
+            self.numbers.argument(),
+            self.scales.argument(),
+            self.form.parts as u32,
+            scale,
+            self.job.outputs,
+            self.form.is_forward(),
+        )
     }
 
     fn adding(&self, to: &List) -> AddingLaunch {
-        let sums = &self.job.views.sums;
-        let (replicas, numbers) = (sums.replicas() as u32, sums.count as u32);
-        AddingLaunch::new(to.argument(), replicas, numbers, self.job.views.derivatives)
+        self.form.adding(to, self.job.views.derivatives)
     }
 
     fn add_paths(&self, piece: Piece, to: &List) {
@@ -244,7 +266,7 @@ impl<'a> Pass<'a> {
         );
         if self.job.views.derivatives.jumps {
             let points = threads * points(self.job);
-            let first = (of_path(self.job) * threads) as u32;
+            let first = (of_path(self.job, self.form) * threads) as u32;
             launch!(
                 &self.client,
                 points,
@@ -276,9 +298,10 @@ impl<'a> Pass<'a> {
                 );
             }
         }
+        let channels = self.job.outputs.channels(self.form.is_forward());
         launch!(
             &self.client,
-            threads,
+            threads * channels as usize,
             go_back(paths(), loss(), &self.records, self.adding(to))
         );
     }
@@ -290,7 +313,7 @@ impl<'a> Pass<'a> {
             return;
         }
         let threads = piece.threads() as usize;
-        let (records, points) = (of_path(job) * threads, threads * points(job));
+        let (records, points) = (of_path(job, self.form) * threads, threads * points(job));
         let past = records + words_of_order(points);
         let handle = self.records.handle.clone().offset_start(4 * records as u64);
         let handle = handle.offset_end(4 * (self.records.length - past) as u64);
@@ -330,7 +353,20 @@ fn points(job: &Job) -> usize {
 }
 
 /// Returns the number of words of a path's records.
-fn of_path(job: &Job) -> usize {
-    let jumped = JUMPED * u32::from(job.views.derivatives.jumps);
+fn of_path(job: &Job, form: Form) -> usize {
+    let channels = Outputs::channels_of_radiance(form.is_forward());
+    let jumped = channels * JUMPED * u32::from(job.views.derivatives.jumps);
     (RECORD + jumped) as usize * points(job) + 1
+}
+
+/// Returns approximately the maximum number of derivatives that a launch adds to a sum.
+fn most_derivatives(job: &Job, form: Form, films: &Films, at_once: usize) -> usize {
+    let films = PATHS.min(films.samples as usize);
+    if form.is_forward() {
+        // All those of a pixel's points.
+        let samples = at_once.div_ceil(job.count());
+        16 * (4 * samples * points(job) + films)
+    } else {
+        16 * (at_once * points(job) + films)
+    }
 }

@@ -7,16 +7,23 @@ use crate::cube::*;
 use super::backward::path_backward;
 use super::camera::begin;
 use super::hit::Memory;
-use super::job::Paths;
+use super::job::{Outputs, Paths};
 use super::jumps::{jumps_seen_from, searches_of};
 use super::loss::Loss;
 use super::path::path_light;
 use super::records::{OF_TRIANGLE, Room};
 use super::searches::Order;
-use super::sums::Adding;
+use super::sums::{Adding, of_channel};
 use super::walk::Start;
 use crate::model::numbers::is_nonzero;
-use crate::trace::{Derivatives, NONE, Observer, PointGradient, Scene};
+use crate::trace::{Derivatives, NONE, Observer, Scene};
+
+/// Returns the room for a path's records.
+#[cube]
+fn room_of(thread: u32, threads: u32, bounces: u32, #[comptime] forward: bool) -> Room {
+    let channels = comptime!(Outputs::channels_of_radiance(forward));
+    Room::new(thread, threads, bounces, channels)
+}
 
 /// Traces the paths of a piece and stores their records. All paths of one sample come before the paths of the next
 /// sample.
@@ -29,7 +36,7 @@ pub(super) fn keep_paths(paths: Paths, loss: Loss, records: &mut [u32]) {
         let scene = paths.views.scene(which.view);
         let g = loss.of_row(&scene, which.row);
         if is_nonzero(g.size()) {
-            let room = Room::new(thread, threads, scene.bounces);
+            let room = room_of(thread, threads, scene.bounces, loss.forward);
             let mut memory = Memory::new(&scene);
             let path = begin(&scene, which.pixel, which.sample);
             let light = path_light(
@@ -83,7 +90,7 @@ pub(super) fn add_jumps(
 ) {
     let threads = paths.piece.threads();
     let bounces = paths.views.scene(0u32).bounces;
-    let order = Order::new(&Room::new(0u32, threads, bounces), points);
+    let order = Order::new(&room_of(0u32, threads, bounces, loss.forward), points);
     let index = ABSOLUTE_POS as u32;
     let which_point = order.point(records, index, of_light);
     if which_point != NONE {
@@ -91,8 +98,8 @@ pub(super) fn add_jumps(
         let k = which_point / threads;
         let which = paths.of_thread(thread);
         let scene = paths.views.scene(which.view);
-        let sums = adding.of_thread(&scene, loss.scales, index);
-        let room = Room::new(thread, threads, scene.bounces);
+        let sums = loss.sums(&scene, &adding, index, which.row);
+        let room = room_of(thread, threads, scene.bounces, loss.forward);
         let g = loss.of_row(&scene, which.row);
         let arrival = room.arrival(records, k);
         let carried = g.radiance.times(arrival.throughput);
@@ -104,28 +111,37 @@ pub(super) fn add_jumps(
             carried,
             searches: searches_of(&scene, loss.counts_of(which.view, carried), of_light),
         };
-        let mut by = PointGradient::default();
-        room.add_jumped(records, k, &mut by);
         let mut memory = Memory::new(&scene);
-        jumps_seen_from(&scene, &mut memory, &sums, &path, &at, &mut by, of_light);
-        room.keep_jumped(records, k, &by);
+        jumps_seen_from(
+            &scene,
+            &mut memory,
+            records,
+            room,
+            &loss,
+            &sums,
+            &path,
+            &at,
+            of_light,
+        );
     }
 }
 
 /// Adds the derivatives along recorded paths, times the derivatives of the loss with respect to the pixels' rows, to
-/// the sums.
+/// the sums. Forward mode has a thread for each path and channel.
 #[cube(launch)]
 pub(super) fn go_back(paths: Paths, loss: Loss, records: &mut [u32], adding: Adding) {
     let threads = paths.piece.threads();
-    if ABSOLUTE_POS < threads as usize {
-        let thread = ABSOLUTE_POS as u32;
+    let channels = comptime!(loss.outputs.channels(loss.forward));
+    if ABSOLUTE_POS < (threads * channels) as usize {
+        let thread = ABSOLUTE_POS as u32 % threads;
+        let channel = ABSOLUTE_POS as u32 / threads;
         let which = paths.of_thread(thread);
         let scene = paths.views.scene(which.view);
-        let sums = adding.of_thread(&scene, loss.scales, thread);
-        let g = loss.of_row(&scene, which.row);
+        let sums = of_channel(&loss.sums(&scene, &adding, thread, which.row), channel);
+        let g = loss.of_channel(&loss.of_row(&scene, which.row), channel);
         if is_nonzero(g.size()) {
-            let room = Room::new(thread, threads, scene.bounces);
-            path_backward(&scene, records, &sums, room, which, g);
+            let room = room_of(thread, threads, scene.bounces, loss.forward);
+            path_backward(&scene, records, &sums, room, which, g, channel);
         }
     }
 }

@@ -48,7 +48,7 @@ pub(super) fn light_of(
     // No records are stored.
     let mut records = Array::<u32>::new(1usize);
     let none = records.as_mut_slice();
-    let room = Room::new(0u32, 1u32, 0u32);
+    let room = Room::new(0u32, 1u32, 0u32, 1u32);
     path_light(scene, memory, none, room, path, start, beside, false)
 }
 

@@ -11,7 +11,7 @@ use super::film::{
 use super::job::Views;
 use super::launch_backward::Pass;
 use super::loss::Loss;
-use super::sums::TYPICAL;
+use super::sums::typical;
 use crate::model::choice::is_positive;
 use crate::model::film::{BLOCK, CELL, NEIGHBORS, samples_of_film};
 use crate::model::numbers::{is_finite, is_nonzero};
@@ -61,7 +61,16 @@ impl Pass<'_> {
         launch!(
             client,
             views,
-            sum_views(grid(), table, &of_rows, pieces, scales, job.samples, count)
+            sum_views(
+                grid(),
+                table,
+                &of_rows,
+                pieces,
+                scales,
+                self.form.parts as u32,
+                job.samples,
+                count
+            )
         );
     }
 }
@@ -227,6 +236,7 @@ fn sum_views(
     rows: &[f32],
     pieces: &mut [f32],
     scales: &mut [f32],
+    parts: u32,
     samples: u32,
     count: u32,
 ) {
@@ -244,8 +254,9 @@ fn sum_views(
             radiance += rows[at + 2];
             lit += rows[at + 3];
         }
-        scales[TYPICAL + ABSOLUTE_POS] = radiance / lit.max(1.0);
-        scales[TYPICAL + (grid.views + view) as usize] = weight / (nonzero as f32).max(1.0);
+        let first = typical(parts);
+        scales[(first + view) as usize] = radiance / lit.max(1.0);
+        scales[(first + grid.views + view) as usize] = weight / (nonzero as f32).max(1.0);
         films[film + SAMPLES] = samples_of_film(nonzero, samples).min(films[film + MAX_SAMPLES]);
         let mut first = 0u32;
         if view > 0 {

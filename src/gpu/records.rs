@@ -21,8 +21,8 @@ pub(super) const SAW_MAP: u32 = 1 << 28;
 pub(super) const SAW_MAP_ALONG: u32 = 1 << 29;
 pub(super) const WENT_ON: u32 = 1 << 30;
 pub(super) const ESCAPED: u32 = 1 << 31;
-/// Number of words of a point's derivatives from jumps. They lie behind the path's records and the number of its
-/// points.
+/// Number of words of a point's derivatives from jumps, for each channel of radiance of forward mode. They lie behind the
+/// path's records and the number of its points.
 pub(super) const JUMPED: u32 = 14;
 
 /// The layout of the words of a path: each word is stored for all threads, then the next word.
@@ -31,6 +31,8 @@ pub(super) struct Room {
     thread: u32,
     threads: u32,
     bounces: u32,
+    /// The number of derivatives from jumps of each point.
+    channels: u32,
 }
 
 /// A surface point that a path reached: the triangle, the ray that hit it, and the throughput at the point.
@@ -56,11 +58,12 @@ impl Arrival {
 
 #[cube]
 impl Room {
-    pub fn new(thread: u32, threads: u32, bounces: u32) -> Room {
+    pub fn new(thread: u32, threads: u32, bounces: u32, channels: u32) -> Room {
         Room {
             thread,
             threads,
             bounces,
+            channels,
         }
     }
 
@@ -78,7 +81,7 @@ impl Room {
     /// Returns the number of words of the records of all paths, including the derivatives from jumps.
     pub fn words(&self) -> u32 {
         let points = self.bounces + 1;
-        (points * (RECORD + JUMPED) + 1) * self.threads
+        (points * (RECORD + self.channels * JUMPED) + 1) * self.threads
     }
 
     fn keep_vector(&self, records: &mut [u32], point: u32, word: u32, v: V3) {
@@ -117,10 +120,15 @@ impl Room {
         }
     }
 
-    /// Stores the derivatives from jumps at a point.
-    pub fn keep_jumped(&self, records: &mut [u32], point: u32, by: &PointGradient) {
+    /// Returns the first word of the derivatives of a channel from jumps at a point.
+    fn jumped(&self, point: u32, channel: u32) -> u32 {
+        1 + (point * self.channels + channel) * JUMPED
+    }
+
+    /// Stores the derivatives of a channel from jumps at a point.
+    pub fn keep_jumped(&self, records: &mut [u32], point: u32, channel: u32, by: &PointGradient) {
         let last = self.bounces + 1;
-        let first = 1 + point * JUMPED;
+        let first = self.jumped(point, channel);
         self.keep_vector(records, last, first, by.position);
         self.keep_vector(records, last, first + 3, by.geometric);
         self.keep_vector(records, last, first + 6, by.shading.normal);
@@ -130,10 +138,16 @@ impl Room {
         records[self.at(last, first + 13)] = by.shading.specular.x.to_bits();
     }
 
-    /// Adds the stored derivatives from jumps at a point to `by`.
-    pub fn add_jumped(&self, records: &mut [u32], point: u32, by: &mut PointGradient) {
+    /// Adds the stored derivatives of a channel from jumps at a point to `by`.
+    pub fn add_jumped(
+        &self,
+        records: &mut [u32],
+        point: u32,
+        channel: u32,
+        by: &mut PointGradient,
+    ) {
         let last = self.bounces + 1;
-        let first = 1 + point * JUMPED;
+        let first = self.jumped(point, channel);
         by.position += self.vector(records, last, first);
         by.geometric += self.vector(records, last, first + 3);
         by.shading.normal += self.vector(records, last, first + 6);

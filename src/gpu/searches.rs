@@ -4,7 +4,7 @@
 use crate::cube::*;
 
 use super::device::GROUP;
-use super::job::Paths;
+use super::job::{Outputs, Paths};
 use super::jumps::{Searches, searches_of};
 use super::loss::Loss;
 use super::records::Room;
@@ -176,7 +176,8 @@ pub(super) fn count_searches(paths: Paths, loss: Loss, records: &mut [u32], poin
     let k = ABSOLUTE_POS as u32 / threads;
     let which = paths.of_thread(thread);
     let scene = paths.views.scene(which.view);
-    let room = Room::new(thread, threads, scene.bounces);
+    let channels = comptime!(Outputs::channels_of_radiance(loss.forward));
+    let room = Room::new(thread, threads, scene.bounces, channels);
     let g = loss.of_row(&scene, which.row);
     let mut own = 0u32;
     // A path may have fewer points than there are threads for it.
@@ -192,7 +193,9 @@ pub(super) fn count_searches(paths: Paths, loss: Loss, records: &mut [u32], poin
                 own += count(&scene, &numbers, k, counts, true);
             }
         }
-        room.keep_jumped(records, k, &PointGradient::default());
+        for channel in 0..channels {
+            room.keep_jumped(records, k, channel, &PointGradient::default());
+        }
     }
     let order = Order::new(&room, points);
     let group = CUBE_POS as u32;
@@ -268,7 +271,7 @@ mod tests {
         points: u32,
         #[comptime] of_light: bool,
     ) {
-        let order = Order::new(&Room::new(0u32, 0u32, 0u32), points);
+        let order = Order::new(&Room::new(0u32, 0u32, 0u32, 1u32), points);
         if ABSOLUTE_POS < found.len() {
             found[ABSOLUTE_POS] = order.point(records, ABSOLUTE_POS as u32, of_light);
         }

@@ -9,14 +9,9 @@ use crate::model::choice::INFINITY;
 use crate::model::integers::total;
 use crate::model::numbers::not_a_number;
 use crate::trace::{
-    CAMERAS, Derivatives, FIRST_SUM, LIMIT, MIN_LIMIT, OF_CAMERA, PARTS, Scene, Sums, Totals,
-    carry, sums_of,
+    Along, CAMERAS, Derivatives, MIN_LIMIT, OF_CAMERA, PARTS, Scene, Sums, Totals, carry,
+    is_marked, sums_of,
 };
-
-/// Approximate maximum number of sums in all replicas together.
-const REPLICATED: usize = 1 << 16;
-/// Maximum number of replicas: the number of threads in a warp.
-const REPLICAS: usize = 32;
 
 /// The first sum of each part of views. Views of one scene share all sums except the camera's.
 #[derive(Clone, Debug, Default)]
@@ -54,23 +49,18 @@ impl Places {
         places
     }
 
-    /// Returns the number of replicas of all sums. With several, threads of a warp do not wait for each other.
-    pub fn replicas(&self) -> usize {
-        (REPLICATED / self.count.max(1)).clamp(1, REPLICAS)
-    }
-
     /// Returns whether a view is the first view of its scene.
     pub fn owns(&self, view: usize) -> bool {
         self.owner[view] == view
     }
 }
 
-/// Start of the scales of views, behind the scales of all parts and [`LIMIT`]: for each view, how much the loss
-/// depends on average on the radiance of a pixel, then for each view, how much it depends on a whole pixel.
-pub(super) const TYPICAL: usize = LIMIT + 1;
-
-/// The scale of a part with derivatives that are not finite.
-const NO_SCALE: f32 = -1.0;
+/// Returns the start of the scales of views, behind the scales of all parts and the limit: for each view, how much the
+/// loss depends on average on the radiance of a pixel, then for each view, how much it depends on a whole pixel.
+#[cube]
+pub(super) fn typical(parts: u32) -> u32 {
+    parts + 1
+}
 
 /// Returns the scale of a part, a power of two, from the bits of its largest derivative and of the largest derivative
 /// of all parts. The step of the sums is about 2 to the power of −`keep` of the largest derivative. The rest of 63
@@ -82,36 +72,39 @@ fn scale_of(largest: u32, of_all: u32, keep: i32) -> f32 {
         // A part without measured derivatives has the scale of the largest.
         bits = of_all;
     }
-    let mut scale = NO_SCALE.runtime();
-    if bits < INFINITY {
-        // The exponent of the least power of two that is not less than the largest derivative.
-        let mut exponent = (bits >> 23) as i32 - 127;
-        exponent = select(bits & 0x007f_ffff != 0, exponent + 1, exponent);
-        exponent = select(bits == 0, 0, exponent);
-        let power = (keep - exponent).max(-80).min(120);
-        scale = f32::from_bits(((power + 127) as u32) << 23);
-    }
-    scale
+    // The exponent of the least power of two that is not less than the largest derivative.
+    let mut exponent = (bits >> 23) as i32 - 127;
+    exponent = select(bits & 0x007f_ffff != 0, exponent + 1, exponent);
+    exponent = select(bits == 0, 0, exponent);
+    let power = (keep - exponent).max(-80).min(120);
+    f32::from_bits(((power + 127) as u32) << 23)
 }
 
 /// Chooses the scales of parts from the largest derivatives that measuring launches stored, and sets all sums to 0.
 #[cube(launch)]
-pub(super) fn choose_scales(sizes: &[u32], scales: &mut [f32], keep: i32, sums: &mut [u32]) {
+pub(super) fn choose_scales(
+    sizes: &[u32],
+    scales: &mut [f32],
+    parts: u32,
+    keep: i32,
+    sums: &mut [u32],
+) {
     if ABSOLUTE_POS < sums.len() {
         sums[ABSOLUTE_POS] = 0;
     }
-    if ABSOLUTE_POS < PARTS {
+    if ABSOLUTE_POS < parts as usize {
         let mut most = 0u32;
         let mut part = 0usize;
-        while part < PARTS {
-            most = select(sizes[part] < INFINITY, most.max(sizes[part]), most);
+        while part < parts as usize {
+            most = most.max(sizes[part]);
             part += 1;
         }
         if most == 0 {
             // No derivatives were measured, perhaps because the loss depends on few pixels.
-            let views = (scales.len() - TYPICAL) / 2;
+            let first = typical(parts) as usize;
+            let views = (scales.len() - first) / 2;
             for view in 0..views {
-                let bits = scales[TYPICAL + views + view].to_bits();
+                let bits = scales[first + views + view].to_bits();
                 most = select(bits < INFINITY, most.max(bits), most);
             }
         }
@@ -135,7 +128,7 @@ pub(super) fn add_replicas(sums: &mut [u32], replicas: u32, numbers: u32) {
         }
         // The sign extends into the third word.
         let mut above = select(high >> 31 == 1, 0xffff_ffffu32, 0u32);
-        let at = FIRST_SUM + 3 * ABSOLUTE_POS;
+        let at = 3 * ABSOLUTE_POS;
         let first = total(sums[at], low);
         let more = carry(first, low);
         let own = total(sums[at + 1], high);
@@ -147,14 +140,15 @@ pub(super) fn add_replicas(sums: &mut [u32], replicas: u32, numbers: u32) {
     }
 }
 
-/// Returns a sum of a part as a float, or NaN if derivatives of the part are not finite or too large for any sum.
+/// Returns a sum of a part as a float, or NaN if one of its derivatives is not finite or too large for any sum.
 #[cube]
 pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
     let scale = scales[part as usize];
-    let first = FIRST_SUM + 3 * at as usize;
+    let first = (3 * at) as usize;
     let mut low = sums[first];
     let mut high = sums[first + 1];
     let mut above = sums[first + 2];
+    let marked = is_marked(above);
     let negative = above >> 31 == 1;
     if negative {
         // The two's complement.
@@ -165,24 +159,17 @@ pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
     }
     let mut value = (above as f32 * 4_294_967_296.0 + high as f32) * 4_294_967_296.0 + low as f32;
     value = select(negative, -value, value);
-    if scale > 0.0 && sums[part as usize] == 0 {
-        value = value / scale;
-    } else {
+    value = value / scale;
+    if marked {
         value = not_a_number(scale);
     }
     value
 }
 
-/// Returns the number of words of all sums: three per number for all launches, then two per number for each replica
-/// of one launch.
-pub(super) fn words_of_sums(replicas: usize, numbers: usize) -> usize {
-    FIRST_SUM + (3 + 2 * replicas) * numbers
-}
-
 /// Returns the first word of a replica.
 #[cube]
 fn first_total(replica: u32, numbers: u32) -> usize {
-    FIRST_SUM + ((3 + 2 * replica) * numbers) as usize
+    ((3 + 2 * replica) * numbers) as usize
 }
 
 /// The sums that a launch adds to.
@@ -191,23 +178,55 @@ pub(super) struct Adding {
     sums: &'static [Atomic<u32>],
     replicas: u32,
     numbers: u32,
+    parts: u32,
+    directions: u32,
+    pixels: u32,
     #[cube(comptime)]
     of: Derivatives,
 }
 
 #[cube]
 impl Adding {
-    /// Returns the sums of a thread's replica, in the form that stages take.
-    pub fn of_thread<'a>(&self, scene: &Scene<'a>, scales: &'a [f32], thread: u32) -> Sums<'a> {
+    /// Returns the sums of a thread's replica, in the form that stages take. In forward mode, with `tangents`, they are
+    /// those of the first channel of a pixel.
+    pub fn of_thread<'a>(
+        &self,
+        scene: &Scene<'a>,
+        scales: &'a [f32],
+        tangents: &'a [f32],
+        thread: u32,
+        pixel: u32,
+        #[comptime] forward: bool,
+    ) -> Sums<'a> {
         let first = first_total(thread % self.replicas, self.numbers);
         sums_of(Totals::<'a> {
             sums: self.sums,
             replica: first as u32,
+            parts: self.parts,
             scales,
             first: scene.first_sums,
+            along: Along::<'a> {
+                tangents,
+                directions: self.directions,
+                pixels: self.pixels,
+                pixel,
+                channel: 0u32,
+            },
+            forward,
             of: comptime!(self.of),
         })
     }
+}
+
+/// Returns the sums of a channel.
+#[cube]
+#[allow(unused_variables)]
+pub(super) fn of_channel<'a>(sums: &Sums<'a>, channel: u32) -> Sums<'a> {
+    intrinsic!(|_| {
+        let mut own = *sums;
+        own.along.channel = channel;
+        own
+    })
 }
 
 /// Returns the number of bits of each scaled derivative such that a 64-bit sum can hold `derivatives` of them.

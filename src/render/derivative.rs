@@ -4,11 +4,11 @@ use std::collections::HashSet;
 
 use burn::tensor::Tensor;
 
-use super::film::{Image, ImageBatch, Means, Statistics};
+use super::film::{Image, ImageBatch, Means, Program, Statistics};
 use super::kernel;
 use super::options::{Engine, RenderOptions};
 use super::outputs::Outputs;
-use super::tangent::{OnHost, Tangent};
+use super::tangent::{OnDevice, Tangent};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Scene, check_devices, host_device, visit_tensors};
 
@@ -52,13 +52,17 @@ pub struct ImageDerivative {
 /// # Ok::<(), softray::Error>(())
 /// ```
 ///
-/// The kernels on the host compute it, on all cores. For scenes on other devices, the scene is copied to the host and
-/// the images are copied back. Gradients do not flow through the result. Albedos and object ids have no derivative and are
-/// not rendered; [`RenderOptions::with_adaptive`] has no effect.
+/// On a GPU the kernels of the backward pass compute it, and all images stay on the device; as in a render, the scene is
+/// read back once. Otherwise, and for f64 tensors on a GPU, the kernels of the host do, on all cores; the images are
+/// copied to the scene's device. With the same seed the same call has the same result to the bit. Memory does not grow
+/// with the number of samples. Gradients do not flow through the result. Albedos and object ids have no derivative and
+/// are not rendered; [`RenderOptions::with_adaptive`], [`with_statistics`](RenderOptions::with_statistics) and
+/// [`with_diagnostics`](RenderOptions::with_diagnostics) have no effect.
 ///
 /// # Errors
 /// Like [`render`](super::render); if there is no direction, a direction does not fit the scene, or the options have the
-/// softmax or [`Engine::Tensors`].
+/// softmax or [`Engine::Tensors`]. On a GPU, if the tangents or the sums of derivatives (20 bytes for each pixel, channel
+/// and direction) are larger than a buffer may be.
 pub fn render_derivative(
     scene: &Scene,
     camera: &Camera,
@@ -80,6 +84,9 @@ pub fn render_derivative(
     let mut options = options.clone();
     options.outputs.albedo = false;
     options.outputs.object_ids = false;
+    options.adaptive = false;
+    options.statistics = false;
+    options.diagnostics = false;
     options.check()?;
     options.check_gradient()?;
     let pixels = options.width as u128 * options.height as u128;
@@ -92,30 +99,35 @@ pub fn render_derivative(
         .flat_map(|t| t.values.keys().copied())
         .collect();
     let (mut scene, mut camera) = (scene.clone(), camera.clone());
-    let mut on_host = OnHost {
-        device: &host_device().unwrap_or(context.device.clone()),
+    let on_host = host_device().filter(|_| !kernel::on_gpu(&context));
+    let mut on_device = OnDevice {
+        device: on_host.as_ref().unwrap_or(&context.device),
         dtype: context.dtype,
         chosen: &chosen,
     };
-    visit_tensors(&mut scene, &mut camera, &mut on_host);
+    visit_tensors(&mut scene, &mut camera, &mut on_device);
     let directions: Vec<_> = tangents.iter().map(|t| &t.values).collect();
-    let means = kernel::derivatives((&scene, &camera), &options, &directions)?;
+    let (means, program) = kernel::derivatives((&scene, &camera), &options, &directions)?;
     let means = means.to_device(&context.device);
-    Ok(images(means, &options))
+    Ok(images(means, program, &options))
 }
 
 /// Makes images of the means `[K + 1, P, C]`, the last of which are the values.
-fn images(means: Tensor<3>, options: &RenderOptions) -> ImageDerivative {
+fn images(means: Tensor<3>, program: Program, options: &RenderOptions) -> ImageDerivative {
     let [count, _, channels] = means.dims();
     let size = [options.width, options.height];
     let values = means.clone().narrow(0, count - 1, 1);
     let tangents = means.narrow(0, 0, count - 1);
+    let statistics = Statistics {
+        program,
+        ..Statistics::default()
+    };
     let of = |mean: Tensor<3>, outputs: Outputs| {
         let [views, pixels, channels] = mean.dims();
         let means = Means {
             mean: mean.reshape([views * pixels, channels]),
             objects: 0,
-            statistics: vec![Statistics::default(); views],
+            statistics: vec![statistics.clone(); views],
             diagnostics: Vec::new(),
         };
         means.images(size, outputs)

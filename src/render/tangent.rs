@@ -235,13 +235,13 @@ impl Visit for Displace<'_> {
 }
 
 /// Moves tensors to a device, outside of their graphs, and turns the constants of the chosen values into tensors.
-pub(super) struct OnHost<'a> {
+pub(super) struct OnDevice<'a> {
     pub device: &'a Device,
     pub dtype: DType,
     pub chosen: &'a HashSet<ParameterId>,
 }
 
-impl Visit for OnHost<'_> {
+impl Visit for OnDevice<'_> {
     fn visit<const D: usize>(&mut self, _: ParameterId, tensor: &mut Tensor<D>) {
         *tensor = detached(tensor).to_device(self.device);
     }

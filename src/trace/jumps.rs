@@ -31,7 +31,7 @@ pub(crate) struct EdgeView {
     outer: V3,
     pub start: V3,
     /// The derivative of the loss with respect to the arriving light.
-    carried: V3,
+    pub carried: V3,
     /// The occluded light: a range of emitters. For a delta light: rays that reach the edge directly, and mirrored.
     pub first: u32,
     pub past: u32,
@@ -80,13 +80,20 @@ impl EdgeView {
     /// Returns this view for a channel of the sums.
     #[inline(always)]
     pub fn of_channel(&self, sums: &Sums, channel: usize) -> Self {
-        let carried = sums.radiance_of(self.carried, channel);
-        Self { carried, ..*self }
+        self.with_carried(sums.radiance_of(self.carried, channel))
     }
 }
 
 #[cfg_attr(feature = "gpu", cube)]
 impl EdgeView {
+    /// Returns this view for another derivative of the loss with respect to the arriving light.
+    #[inline(always)]
+    pub fn with_carried(self, carried: V3) -> EdgeView {
+        let mut view = self;
+        view.carried = carried;
+        view
+    }
+
     /// Returns the ray to the edge's point, and the faces beside it.
     #[inline(always)]
     pub fn approach(&self, sides: Sides) -> Approach {

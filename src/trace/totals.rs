@@ -5,30 +5,29 @@
 //! A derivative is multiplied by a power of two and rounded. There is one power for each part of a scene, chosen from
 //! the largest derivatives of some of the paths. A derivative so large that a launch might overflow 64 bits is added
 //! to the 96-bit sums directly.
+//!
+//! In forward mode the sums are those of pixels: a derivative with respect to a parameter is multiplied by the
+//! parameter's tangents as soon as it is added. A part then has the products of one channel and direction, of all pixels.
 
 #![allow(dead_code, reason = "kernels alone read and call what is here")]
 
 use crate::cube::*;
 
 use super::Derivatives;
-use super::parts::PARTS;
 use crate::model::choice::INFINITY;
 use crate::model::integers::total;
 use crate::model::numbers::{is_nonzero, magnitude};
 use crate::model::{V3, component};
 
-/// Words before the sums, one per part. While the derivatives are measured, a word holds the bits of the largest one.
-/// Afterwards it holds the bits of infinity if a derivative was not finite or too large for any sum.
-pub(crate) const FIRST_SUM: usize = 16;
-const _: () = assert!(PARTS <= FIRST_SUM);
-
-/// Index, behind the scales of all parts, of the limit: scaled derivatives below it are added to 64 bits. It is at
-/// least [`MIN_LIMIT`] (log₂), above which f32 has no fractions.
-pub(crate) const LIMIT: usize = PARTS;
+/// The limit below which scaled derivatives are added to 64 bits is at least this (log₂): above it f32 has no fractions.
 pub(crate) const MIN_LIMIT: i32 = 24;
 
-/// Bits of 2⁷⁸: scaled derivatives added to 96-bit sums are smaller, so that 2¹⁷ of the largest fit.
+/// Bits of 2⁷⁸: scaled derivatives added to 96-bit sums are smaller, so that 2¹⁵ of the largest fit.
 const MAX_SCALED_BITS: u32 = (78 + 127) << 23;
+
+/// The third word of a sum of derivatives of which one is not finite, or too large for any sum. Its three highest bits
+/// are those of no sum that fits, also after some more additions.
+const NOT_FINITE: u32 = 0x7000_0000;
 
 /// Bits of the smallest magnitude at which floats have no fractions.
 const OF_WHOLES: u32 = (24 + 127) << 23;
@@ -38,16 +37,43 @@ pub(crate) const MEASURE: f32 = 0.0;
 
 /// The sums that a thread adds to, the scales of their parts, and the requested derivatives.
 #[derive(CubeType, Clone, Copy)]
+#[expand(derive(Clone, Copy))]
 pub(crate) struct Totals<'a> {
-    /// Sums of all launches, three words each, behind the words of the parts; then the sums of the replicas.
+    /// The sums of all launches, three words each, then the sums of the replicas. While the derivatives are measured,
+    /// there is a word for each part instead, which holds the bits of the largest finite one.
     pub sums: &'a [Atomic<u32>],
     /// First word of the replica for this launch, which has two words per sum.
     pub replica: u32,
+    /// The number of parts, the scale of each, and the limit of scaled derivatives that are added to 64 bits.
+    pub parts: u32,
     pub scales: &'a [f32],
-    /// The first sum of each part.
+    /// The first sum of each part of a scene.
     pub first: &'a [u32],
+    pub along: Along<'a>,
+    /// Whether the sums are those of pixels.
+    #[cube(comptime)]
+    pub forward: bool,
     #[cube(comptime)]
     pub of: Derivatives,
+}
+
+/// What forward mode multiplies with derivatives, and the pixel and channel to which the products belong.
+#[derive(CubeType, Clone, Copy)]
+#[expand(derive(Clone, Copy))]
+pub(crate) struct Along<'a> {
+    /// The tangents of the parameters' sums, `[S, K]`, and the number K of directions.
+    pub tangents: &'a [f32],
+    pub directions: u32,
+    /// The number of pixels, the current one, and its channel.
+    pub pixels: u32,
+    pub pixel: u32,
+    pub channel: u32,
+}
+
+/// Returns whether the third word of a sum says that a derivative was not finite.
+#[cube]
+pub(crate) fn is_marked(above: u32) -> bool {
+    above >> 29 == comptime!(NOT_FINITE >> 29)
 }
 
 /// Returns 1 if the sum of two words wrapped; `word` is one of the two.
@@ -58,28 +84,74 @@ pub(crate) fn carry(sum: u32, word: u32) -> u32 {
 
 #[cube]
 impl<'a> Totals<'a> {
-    /// Adds a derivative to a sum of a part, or only measures it ([`MEASURE`]).
+    /// Adds a derivative to a sum of a part.
     pub fn add(&self, at: u32, value: f32, part: u32) {
         if is_nonzero(value) {
-            let scale = self.scales[part as usize];
-            let scaled = value * scale;
-            let size = magnitude(scaled);
-            if scale == MEASURE {
-                self.look_at(part, magnitude(value));
-            } else if size < MAX_SCALED_BITS {
-                self.add_whole(self.first[part as usize] + at, scaled, size);
+            let number = self.first[part as usize] + at;
+            if comptime!(self.forward) {
+                for k in 0..self.along.directions {
+                    self.add_along(k, value * self.tangent(number, k));
+                }
             } else {
-                // Infinity and NaN are above every limit.
-                self.look_at(part, INFINITY.runtime());
+                self.add_scaled(number, value, part);
             }
         }
     }
 
-    /// Stores the largest derivative of a part, as bits.
+    /// Adds a vector of three derivatives.
+    pub fn add_vector(&self, at: u32, value: V3, part: u32) {
+        if comptime!(self.forward) {
+            if is_nonzero(value.abs().element_sum()) {
+                let number = self.first[part as usize] + at;
+                for k in 0..self.along.directions {
+                    let x = value.x * self.tangent(number, k);
+                    let y = value.y * self.tangent(number + 1, k);
+                    let z = value.z * self.tangent(number + 2, k);
+                    self.add_along(k, x + y + z);
+                }
+            }
+        } else {
+            let mut k = 0u32;
+            while k < 3 {
+                self.add(at + k, component(value, k), part);
+                k += 1;
+            }
+        }
+    }
+
+    /// Returns the tangent of a parameter's sum in a direction.
+    fn tangent(&self, number: u32, direction: u32) -> f32 {
+        self.along.tangents[(number * self.along.directions + direction) as usize]
+    }
+
+    /// Adds the derivative of the current pixel and channel in a direction.
+    fn add_along(&self, direction: u32, value: f32) {
+        if is_nonzero(value) {
+            let part = self.along.channel * self.along.directions + direction;
+            self.add_scaled(part * self.along.pixels + self.along.pixel, value, part);
+        }
+    }
+
+    /// Adds a nonzero number to a sum, or only measures it ([`MEASURE`]).
+    fn add_scaled(&self, number: u32, value: f32, part: u32) {
+        let scale = self.scales[part as usize];
+        let scaled = value * scale;
+        let size = magnitude(scaled);
+        if scale == MEASURE {
+            self.look_at(part, magnitude(value));
+        } else if size < MAX_SCALED_BITS {
+            self.add_whole(number, scaled, size);
+        } else {
+            // Infinity and NaN are above every limit.
+            self.sums[(3 * number + 2) as usize].store(NOT_FINITE);
+        }
+    }
+
+    /// Stores the largest finite derivative of a part, as bits.
     fn look_at(&self, part: u32, bits: u32) {
         let largest = &self.sums[part as usize];
         // Few are larger than those before.
-        if largest.load() < bits {
+        if largest.load() < bits && bits < INFINITY {
             largest.fetch_max(bits);
         }
     }
@@ -88,9 +160,9 @@ impl<'a> Totals<'a> {
     fn add_whole(&self, number: u32, scaled: f32, size: u32) {
         let mut words = 2u32;
         let mut first = self.replica + 2 * number;
-        if size >= self.scales[LIMIT].to_bits() {
+        if size >= self.scales[self.parts as usize].to_bits() {
             words = 3u32;
-            first = FIRST_SUM as u32 + 3 * number;
+            first = 3 * number;
         }
         let mut digits = (scaled.abs() + 0.5).floor() as u32;
         let mut shift = 0u32;
@@ -113,15 +185,6 @@ impl<'a> Totals<'a> {
                 let before = self.sums[(first + k) as usize].fetch_add(more);
                 carried += carry(total(before, more), more);
             }
-            k += 1;
-        }
-    }
-
-    /// Adds a vector of three derivatives.
-    pub fn add_vector(&self, at: u32, value: V3, part: u32) {
-        let mut k = 0u32;
-        while k < 3 {
-            self.add(at + k, component(value, k), part);
             k += 1;
         }
     }

@@ -9,6 +9,7 @@ mod device;
 mod backend;
 mod batch;
 mod compiled;
+mod forward;
 mod kernels;
 mod losses;
 mod memory;

@@ -2,7 +2,7 @@
 
 use crate::common::process::alone;
 use crate::common::scenes::{diffuse, facing_front, floor, lamp};
-use crate::common::tensors::{gradient, leaf};
+use crate::common::tensors::{gradient, leaf, values};
 use crate::device::device;
 use burn::tensor::Device;
 use softray::prelude::*;
@@ -25,6 +25,51 @@ fn step(device: &Device, options: &RenderOptions) -> Vec<f64> {
 fn bytes(device: &Device) -> [u64; 2] {
     let usage = device.memory_pool_usage().expect("a device that tells");
     [usage.bytes_in_use, usage.bytes_reserved]
+}
+
+/// The derivatives of an image by two numbers, of so many samples.
+fn derive(device: &Device, samples: u32) {
+    let build = |device: &Device, v: &[f64]| {
+        let square = facing_front([-0.5, 0.4], [-0.4, 0.5], 0.0, device);
+        let square = square.translated([v[0], 0.6, 0.1]);
+        let scene = Scene::new()
+            .with_object(diffuse(floor(2.0, 0.0, device), [0.5, 0.4, 0.3]))
+            .with_object(lamp(0.5, 2.4, [5.0, v[1], 3.0], device))
+            .with_object(diffuse(square, [0.3, 0.5, 0.6]));
+        Ok((scene, Camera::look_at([0.3, 1.4, 4.0], [0.0, 0.3, 0.0])))
+    };
+    let numbers = [0.1, 4.0];
+    let of_numbers = Tangent::of_numbers(&numbers, |v| build(&Device::flex(), v));
+    let (_, _, tangents) = of_numbers.expect("tangents");
+    let (scene, camera) = build(device, &numbers).expect("a scene");
+    // A path may have so many surfaces that the records of few samples are all that is kept at once.
+    let options = RenderOptions::new(16, 16)
+        .with_samples(samples)
+        .with_bounces(700);
+    let all = render_derivative(&scene, &camera, &options, &tangents).expect("derivatives");
+    assert!(values(&all.tangents.radiance).iter().any(|&v| v != 0.0));
+}
+
+/// Derivatives along directions leave nothing behind, and take as much with more samples.
+#[test]
+fn memory_of_derivatives_is_flat_over_samples() {
+    if !alone(memory_of_derivatives_is_flat_over_samples) {
+        return;
+    }
+    let device = device();
+    let mut sizes = Vec::new();
+    for samples in [4, 4, 16] {
+        derive(&device, samples);
+        sizes.push(bytes(&device));
+    }
+    println!("bytes in use and reserved with 4, 4 and 16 samples: {sizes:?}");
+    let [[_, first], [used, again], [used_more, more]] = sizes[..] else {
+        panic!("three sizes")
+    };
+    assert!(first > 0 && 10 * again.max(more) <= 11 * first);
+    assert!(used_more <= used + 64 * 1024);
+    device.memory_cleanup();
+    assert_eq!(bytes(&device)[0], 0);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! A long training does not grow: what a step leaves behind is nothing.
 #![cfg(target_os = "linux")]
 
-use crate::common::memory::resident;
+use crate::common::memory::{peak, resident};
 use crate::common::numbers::mean;
 use crate::common::process::alone;
 use crate::common::training::Training;
@@ -30,4 +30,33 @@ fn memory_is_flat_over_a_thousand_steps() {
     let (first, last) = (mean(&losses[..20]), mean(&losses[980..]));
     println!("loss {first:.4} → {last:.4}");
     assert!(last < 0.5 * first, "{first} → {last}");
+}
+
+/// The most memory that derivatives along directions take, after those of fewer samples: on all cores each accumulates the
+/// derivatives of some pixels.
+#[test]
+fn derivatives_take_as_much_with_more_samples() {
+    if !alone(derivatives_take_as_much_with_more_samples) {
+        return;
+    }
+    let device = Device::flex();
+    let (scene, camera) = cornell_box(&device);
+    let turn = Tangent::new(&scene, &camera, |_, camera| {
+        *camera = camera.clone().with_fov_y(1.0);
+    });
+    let tangents = [turn.expect("a tangent")];
+    let taken = [4, 64].map(|samples| {
+        let options = RenderOptions::new(48, 48)
+            .with_samples(samples)
+            .with_bounces(1);
+        let all = render_derivative(&scene, &camera, &options, &tangents).expect("derivatives");
+        assert!(all.tangents.radiance.max().into_scalar::<f32>() > 0.0);
+        peak()
+    });
+    println!("MiB at the highest with 4 and 64 samples: {taken:?}");
+    // The paths of 64 samples have a million points and lights, of which each takes over 100 bytes.
+    assert!(
+        taken[0] > 0.0 && taken[1] <= taken[0] + 8.0,
+        "{taken:?} MiB"
+    );
 }

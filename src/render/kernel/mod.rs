@@ -23,6 +23,7 @@ use crate::scene::{Camera, ParameterId, Scene};
 use crate::tensors::Diagnostics;
 use crate::warnings::warning;
 use backward::Backward;
+pub(super) use prepare::on_gpu;
 use prepare::{Places, Prepared, prepare};
 use rows::Rows;
 use trace::{Jobs, Pass};
@@ -48,12 +49,12 @@ pub(super) fn jumps(
 }
 
 /// Renders a view with its derivatives along directions, each of which has numbers for some tensors. Returns the means
-/// `[K + 1, P, C]`: K derivatives, then the image.
+/// `[K + 1, P, C]`, which are K derivatives and then the image, and the program that computed them.
 pub(super) fn derivatives(
     (scene, camera): (&Scene, &Camera),
     options: &RenderOptions,
     directions: &[&HashMap<ParameterId, Vec<f64>>],
-) -> Result<Tensor<3>> {
+) -> Result<(Tensor<3>, Program)> {
     let chosen: HashSet<ParameterId> = directions.iter().flat_map(|d| d.keys().copied()).collect();
     let batch = Batch::views(vec![scene.clone()], vec![(0, camera.clone())])?;
     let prepared = prepare(&batch.with_tangents(), options, true, Some(chosen))?;
@@ -69,13 +70,26 @@ pub(super) fn derivatives(
         }
     }
     let channels = Rows::new(options.outputs, 0);
+    #[cfg(feature = "gpu")]
+    if on_gpu(&prepared.context) {
+        let pass = Pass {
+            options,
+            views: &prepared.views,
+            context: &prepared.context,
+            rows: &channels,
+            pixels: None,
+            count: options.width * options.height,
+        };
+        return Ok((pass.derivatives(&rows)?, Program::DeviceKernels));
+    }
     let backward = Backward::new(prepared.views, size, channels, options, None);
     let all = backward.derivatives(&rows);
     let shape = [all.len() / (directions.len() + 1), directions.len() + 1];
     let all = prepared.context.tensor(&all, shape).transpose();
     let pixels = options.width * options.height;
     let count = channels.derived();
-    Ok(all.reshape([directions.len() + 1, pixels, count]))
+    let all = all.reshape([directions.len() + 1, pixels, count]);
+    Ok((all, Program::HostKernels))
 }
 
 /// The number of channels of the rows of scenes with at most so many objects.
@@ -111,7 +125,7 @@ pub(super) fn render(
         pixels: pixels.clone(),
         count,
     };
-    let ((mut mean, traced), jobs) = pass.trace(parent.is_some())?;
+    let ((mut mean, traced), jobs) = pass.trace(parent.is_some().then_some(0))?;
     let program = match jobs {
         Some(_) => Program::DeviceKernels,
         None => Program::HostKernels,

@@ -44,7 +44,7 @@ fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<Hos
     let mut cameras: Vec<Camera> = batch.views.iter().map(|v| v.1.clone()).collect();
     // A device with insufficient limits is an error before any kernel runs on it.
     #[cfg(feature = "gpu")]
-    crate::gpu::check(&context.device, std::iter::empty(), false)?;
+    crate::gpu::check(&context.device, std::iter::empty(), None)?;
     // The vertices of the batch are read together, not scene by scene.
     let device = host_device().unwrap_or(context.device.clone());
     batch.scenes = batch.scenes_with(|_| Tensor::zeros([1, 3], &device));
@@ -86,7 +86,7 @@ fn identity(tensor: &Tensor<1>) -> Option<Identity> {
 }
 
 /// Returns whether kernels run on a GPU.
-pub(super) fn on_gpu(context: &Context) -> bool {
+pub(in crate::render) fn on_gpu(context: &Context) -> bool {
     #[cfg(feature = "gpu")]
     return context.dtype == DType::F32 && crate::device::runs_kernels(&context.device);
     #[cfg(not(feature = "gpu"))]

@@ -64,9 +64,10 @@ pub(super) type Jobs = Vec<(Vec<usize>, Job)>;
 pub(super) type Jobs = std::convert::Infallible;
 
 impl Pass<'_> {
-    /// Returns the rows of all pixels of all views with the counts, and the jobs if a GPU ran them.
-    pub fn trace(&self, with_gradient: bool) -> Result<(Images, Option<Jobs>)> {
-        if with_gradient {
+    /// Returns the rows of all pixels of all views with the counts, and the jobs if a GPU ran them. If derivatives follow,
+    /// `directions` is the number of directions of forward mode, or 0 for a gradient.
+    pub fn trace(&self, directions: Option<usize>) -> Result<(Images, Option<Jobs>)> {
+        if directions.is_some() {
             self.options.check_gradient()?;
         }
         let all = self.together(0..self.views.len(), self.options.cache.as_ref());
@@ -76,7 +77,7 @@ impl Pass<'_> {
         #[cfg(feature = "gpu")]
         if let Some(jobs) = &jobs {
             let device = &self.context.device;
-            crate::gpu::check(device, jobs.iter().map(|j| &j.1), with_gradient)?;
+            crate::gpu::check(device, jobs.iter().map(|j| &j.1), directions)?;
         }
         #[cfg(not(feature = "gpu"))]
         let jobs = None;
@@ -249,6 +250,18 @@ impl Pass<'_> {
             views,
             packed: packed.collect(),
         }
+    }
+
+    /// Returns the means `[K + 1, P, C]` of the only view: its derivatives along K directions of the parent, then its values.
+    pub fn derivatives(&self, directions: &[Vec<f64>]) -> Result<Tensor<3>> {
+        let ((values, _), jobs) = self.trace(Some(directions.len()))?;
+        let jobs = jobs.expect("a GPU has jobs");
+        let (view, places) = &self.views[0];
+        let of_view = (view, &*places.scene, &*places.camera);
+        let (_, tangents) = view.tangents((of_view.1, of_view.2), directions, Vec::new());
+        let device = &self.context.device;
+        let derivatives = crate::gpu::derivatives_of(device, &jobs[0].1, of_view, &tangents)?;
+        Ok(Tensor::cat(vec![derivatives, values.unsqueeze()], 0))
     }
 
     fn jobs(&self, of: &Together, share: &Share) -> Jobs {
