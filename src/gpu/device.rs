@@ -152,14 +152,16 @@ pub(crate) fn identity(tensor: &Tensor<1>) -> Option<Identity> {
     Some([memory as u64, place, length as u64])
 }
 
-/// Creates a tensor of zeros, and returns it with the list of its values, which a kernel changes.
+/// Creates a tensor of zeros, and returns it with the list of its values, which a kernel changes. CUDA would leave gaps
+/// between the rows of a tensor that is created with several axes.
 pub(super) fn zeros(like: &FloatTensor<Cube>, shape: Shape) -> (FloatTensor<Cube>, List) {
-    let tensor = Cube::float_zeros(shape, &like.device(), FloatDType::F32);
+    let length = Shape::from([shape.num_elements()]);
+    let tensor = Cube::float_zeros(length, &like.device(), FloatDType::F32);
     let (_, list) = floats(tensor.clone());
-    (tensor, list)
+    (Cube::float_reshape(tensor, shape), list)
 }
 
-/// Returns the rows of some views as a contiguous tensor. Each view has `of_view` rows of the tensor, which has two
+/// Returns the values of the rows of some views, without gaps. Each view has `of_view` rows of the tensor, which has two
 /// axes.
 pub(super) fn rows_of(
     tensor: &FloatTensor<Cube>,
@@ -177,7 +179,8 @@ pub(super) fn rows_of(
         room = Cube::float_slice_assign(room, &[rows(past), columns], part);
         past += run.len();
     }
-    room
+    let length = Shape::from([room.shape().num_elements()]);
+    Cube::float_reshape(room, length)
 }
 
 /// Creates an integer tensor of zeros, and returns it with the list of its values.
