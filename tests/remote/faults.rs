@@ -12,7 +12,7 @@ use burn::tensor::{DType, TensorData};
 use softray::burn;
 use softray::optim::{Evaluation, Fit, Part, Report, Step};
 use softray::prelude::*;
-use softray::remote::{connect, finish, set_time_limit};
+use softray::remote::{RenderService, ServiceLimits, connect, finish, set_time_limit};
 
 use crate::common::process::{again, alone};
 use crate::server::{Server, TOKEN};
@@ -166,7 +166,7 @@ fn a_server_of_another_version_is_an_error() {
     let (_, scene, camera) = ball(&device);
     says(
         render(&scene, &camera, &options()),
-        &["version 77", "this program 1"],
+        &["version 77", "this program 2"],
     );
 }
 
@@ -266,6 +266,14 @@ fn a_fit_resumes_in_a_new_process() {
     }
 }
 
+/// Sends a signal to a server.
+fn signal(server: &Server, name: &str) {
+    let id = server.child.id().to_string();
+    let sent = Command::new("kill").args([name, &id]).status();
+    assert!(sent.expect("kill").success());
+}
+
+/// A server that goes on is used again in the same session.
 #[test]
 fn a_server_that_hangs_is_an_error() {
     if !alone(a_server_that_hangs_is_an_error) {
@@ -274,15 +282,53 @@ fn a_server_that_hangs_is_an_error() {
     let server = Server::start();
     let device = server.device();
     let (_, scene, camera) = ball(&device);
-    render(&scene, &camera, &options()).expect("an image");
+    let image = || render(&scene, &camera, &options());
+    let before = image().expect("an image").radiance.inner().into_data();
     set_time_limit(Duration::from_secs(1));
-    let id = server.child.id().to_string();
-    let stopped = Command::new("kill").args(["-STOP", &id]).status();
-    assert!(stopped.expect("kill").success());
+    signal(&server, "-STOP");
+    says(image(), &["within 1 s", "set_time_limit"]);
+    signal(&server, "-CONT");
+    set_time_limit(Duration::from_secs(60));
+    let after = image().expect("an image").radiance.inner().into_data();
+    assert_eq!(before, after);
+}
+
+/// A program whose logger panics, as a part of softray or burn might.
+#[test]
+fn a_panic_in_a_render_is_an_error() {
+    struct Panics;
+    impl log::Log for Panics {
+        fn enabled(&self, _: &log::Metadata<'_>) -> bool {
+            true
+        }
+        fn log(&self, record: &log::Record<'_>) {
+            let text = record.args().to_string();
+            assert!(
+                !text.contains("nothing of the scene"),
+                "no room for a warning"
+            );
+        }
+        fn flush(&self) {}
+    }
+    if !alone(a_panic_in_a_render_is_an_error) {
+        return;
+    }
+    log::set_logger(&Panics).expect("the only logger");
+    log::set_max_level(log::LevelFilter::Warn);
+    let service = RenderService::new(ServiceLimits::default());
+    let server = RemoteServer::new([Device::flex()]);
+    let device = serve(service.add_to(server, &Device::flex()).expect("a server"));
+    let (vertices, scene, camera) = ball(&device);
+    // The server warns of it: the ball is behind the camera.
+    let turned = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 8.0]);
     says(
-        render(&scene, &camera, &options()),
-        &["within 1 s", "set_time_limit"],
+        render(&scene, &turned, &options()),
+        &["ws://", "in the program", "no room for a warning"],
     );
+    let image = render(&scene, &camera, &options()).expect("an image");
+    let gradients = image.radiance.mean().backward();
+    assert!(vertices.grad(&gradients).is_some());
+    finish(&device).expect("a gradient");
 }
 
 #[test]
