@@ -3,6 +3,7 @@
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use burn::backend::Flex;
@@ -293,41 +294,62 @@ fn a_server_that_hangs_is_an_error() {
     assert_eq!(before, after);
 }
 
-/// A program whose logger panics, as a part of softray or burn might.
-#[test]
-fn a_panic_in_a_render_is_an_error() {
-    struct Panics;
-    impl log::Log for Panics {
-        fn enabled(&self, _: &log::Metadata<'_>) -> bool {
-            true
-        }
-        fn log(&self, record: &log::Record<'_>) {
-            let text = record.args().to_string();
-            assert!(
-                !text.contains("nothing of the scene"),
-                "no room for a warning"
-            );
-        }
-        fn flush(&self) {}
+/// Whether the logger of this program panics at a warning, as a part of softray or burn might.
+static PANICS: AtomicBool = AtomicBool::new(false);
+
+struct Logger;
+
+impl log::Log for Logger {
+    fn enabled(&self, _: &log::Metadata<'_>) -> bool {
+        true
     }
-    if !alone(a_panic_in_a_render_is_an_error) {
+    fn log(&self, record: &log::Record<'_>) {
+        let warning = record.args().to_string().contains("nothing of the scene");
+        assert!(!(warning && PANICS.load(Ordering::SeqCst)), "no room");
+    }
+    fn flush(&self) {}
+}
+
+/// The session goes on after a panic in a render and in a gradient, whose error the next call returns.
+#[test]
+fn a_panic_is_an_error() {
+    if !alone(a_panic_is_an_error) {
         return;
     }
-    log::set_logger(&Panics).expect("the only logger");
+    log::set_logger(&Logger).expect("the only logger");
     log::set_max_level(log::LevelFilter::Warn);
-    let service = RenderService::new(ServiceLimits::default());
+    let mut limits = ServiceLimits::default();
+    limits.kept = 1;
     let server = RemoteServer::new([Device::flex()]);
-    let device = serve(service.add_to(server, &Device::flex()).expect("a server"));
+    let server = RenderService::new(limits).add_to(server, &Device::flex());
+    let device = serve(server.expect("a server"));
     let (vertices, scene, camera) = ball(&device);
     // The server warns of it: the ball is behind the camera.
     let turned = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 8.0]);
-    says(
-        render(&scene, &turned, &options()),
-        &["ws://", "in the program", "no room for a warning"],
-    );
-    let image = render(&scene, &camera, &options()).expect("an image");
-    let gradients = image.radiance.mean().backward();
-    assert!(vertices.grad(&gradients).is_some());
+    let parts = ["ws://", "in the program", "no room"];
+    PANICS.store(true, Ordering::SeqCst);
+    says(render(&scene, &turned, &options()), &parts);
+    PANICS.store(false, Ordering::SeqCst);
+    let image = |camera: &Camera| render(&scene, camera, &options()).expect("an image");
+    // The second render drops the first forward pass, which the gradient repeats with its warning.
+    let failed_gradient = || {
+        let [first, _] = [image(&turned), image(&camera)];
+        PANICS.store(true, Ordering::SeqCst);
+        let gradients = first.radiance.mean().backward();
+        let gradient = vertices.grad(&gradients).expect("a gradient").into_data();
+        PANICS.store(false, Ordering::SeqCst);
+        assert_eq!(gradient.shape().to_vec(), [42, 3]);
+        assert!(gradient.iter::<f32>().all(f32::is_nan));
+    };
+    failed_gradient();
+    says(render(&scene, &camera, &options()), &parts);
+    image(&camera);
+    failed_gradient();
+    says(finish(&device), &parts);
+    finish(&device).expect("no more gradients");
+    let gradients = image(&camera).radiance.mean().backward();
+    let gradient = vertices.grad(&gradients).expect("a gradient").into_data();
+    assert!(gradient.iter::<f32>().all(f32::is_finite));
     finish(&device).expect("a gradient");
 }
 

@@ -12,7 +12,7 @@ use burn::tensor::{DType, Device, Int, Shape, Tensor};
 
 use super::message::{Call, Counts, Failure, GRADIENT, MESSAGE, PROTOCOL, RENDER, STATE};
 use super::sent::{Sending, send, server};
-use super::words::{decode, tensor};
+use super::words::decode;
 use crate::device::remote::read_words;
 use crate::error::{Error, Result};
 use crate::geometry::Context;
@@ -53,8 +53,7 @@ fn handle(words: Tensor<1, Int>) -> Result<IntTensor<Remote>> {
 
 /// Asks the server what it says of a call, and returns its version with its words.
 fn state(device: &RemoteDevice, on: &Device, call: Call, doing: &str) -> Result<(u32, Vec<u32>)> {
-    // An operation needs an input.
-    let inputs = [handle(tensor(vec![PROTOCOL], on))?.into_ir()];
+    let inputs = [handle(server(device, |known| known.input(on)))?.into_ir()];
     let output = (Shape::from([MESSAGE]), DType::I32);
     let [words] = register(device, STATE, &inputs, call.scalars(0), [output]);
     let mut words = read_words(words_of(words), doing)?;

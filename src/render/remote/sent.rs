@@ -25,6 +25,8 @@ pub(super) struct Server {
     device: RemoteDevice,
     /// The last render.
     call: Call,
+    /// A word, for operations without another input.
+    input: Option<Tensor<1, Int>>,
     /// Whether its version is that of this program.
     pub checked: bool,
     /// Whether a gradient may have failed since the server was last asked.
@@ -48,6 +50,7 @@ pub(super) fn server<T>(device: &RemoteDevice, f: impl FnOnce(&mut Server) -> T)
             client: unique(),
             number: 0,
         },
+        input: None,
         checked: false,
         pending: false,
         parts: Bounded::new(KEPT),
@@ -61,6 +64,12 @@ impl Server {
     pub fn next(&mut self) -> Call {
         self.call.number += 1;
         self.call
+    }
+
+    /// An input for operations without another one.
+    pub fn input(&mut self, device: &Device) -> Tensor<1, Int> {
+        let input = self.input.get_or_insert_with(|| tensor(vec![0], device));
+        input.clone()
     }
 
     /// Names this client's gradients.
