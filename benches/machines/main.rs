@@ -168,7 +168,7 @@ struct Offsets {
 }
 
 /// The steps of a fit that is measured.
-const STEPS: usize = 10;
+const STEPS: usize = 4;
 
 /// Seconds of a step of a fit to some views, of which each device has a share.
 fn fit(devices: &[Device], views: usize, samples: u32, weights: &[f64]) -> f64 {

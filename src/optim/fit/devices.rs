@@ -31,19 +31,17 @@ impl Part {
         all[begin(self.index)..begin(self.index + 1)].iter()
     }
 
-    /// Returns this part's share of a list for devices of different speed: consecutive items, as many as a device with
-    /// its weight should have, rounded. A weight is a device's speed in any unit, and a step ends with the slowest part.
+    /// Returns this part's share of a list for devices of different speed: consecutive items, whose number is in
+    /// proportion to the weight of the part's device, rounded. A weight is a speed in any unit.
     ///
     /// ```
     /// use softray::optim::Part;
     /// use softray::prelude::*;
     ///
     /// let views = [0, 1, 2, 3, 4, 5, 6];
-    /// let shares = [0, 1].map(|index| Part { device: Device::flex(), index, count: 2 }).map(|part| {
-    ///     part.weighted(&views, &[3.0, 1.0]).map(|share| share.len())
-    /// });
-    /// let [fast, slow] = shares;
-    /// assert_eq!([fast?, slow?], [5, 2]);
+    /// let part = |index| Part { device: Device::flex(), index, count: 2 };
+    /// assert_eq!(part(0).weighted(&views, &[3.0, 1.0])?.as_slice(), [0, 1, 2, 3, 4]);
+    /// assert_eq!(part(1).weighted(&views, &[3.0, 1.0])?.as_slice(), [5, 6]);
     /// # Ok::<(), softray::Error>(())
     /// ```
     ///

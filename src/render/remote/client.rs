@@ -62,10 +62,9 @@ fn state(device: &RemoteDevice, on: &Device, call: Call, doing: &str) -> Result<
     Ok((version, words))
 }
 
-/// Returns the error of a call that failed.
-fn failure(device: &RemoteDevice, on: &Device, call: Call) -> Result<Error> {
-    let (_, words) = state(device, on, call, "the message of an error")?;
-    let failure: Failure = decode(&words)?;
+/// Returns the error of a server's message.
+fn error_of(words: &[u32], on: &Device) -> Result<Error> {
+    let failure: Failure = decode(words)?;
     Ok(failure.error(&crate::device::label(on)))
 }
 
@@ -102,13 +101,12 @@ pub(crate) fn finish(on: &Device) -> Result<()> {
         return Ok(());
     }
     let call = server(&device, |known| known.gradients());
-    let (_, words) = state(&device, on, call, "the last gradient")?;
+    let (_, words) = state(&device, on, call, "the last gradient").inspect_err(|_| {
+        server(&device, |known| known.pending = true);
+    })?;
     match words.first() {
         Some(0) => Ok(()),
-        _ => {
-            let failure: Failure = decode(&words)?;
-            Err(failure.error(&crate::device::label(on)))
-        }
+        _ => Err(error_of(&words, on)?),
     }
 }
 
@@ -160,7 +158,8 @@ pub(in crate::render) fn render(
     let [rows, counts] = register(&device, RENDER, &inputs.all(), scalars, outputs);
     let mut counts = read_words(words_of(counts), "a render")?;
     if counts.is_empty() || counts.remove(0) != 0 {
-        return Err(failure(&device, &on, call)?);
+        let (_, words) = state(&device, &on, call, "the message of an error")?;
+        return Err(error_of(&words, &on)?);
     }
     let counts: Counts = decode(&counts)?;
     options.progress.tile(&AtomicUsize::new(0), 1);
