@@ -221,7 +221,7 @@ fn one_and_two() {
 
 /// Three servers, of which one runs half and one a quarter of the time.
 fn different_speeds() {
-    const VIEWS: usize = 14;
+    const VIEWS: usize = 7;
     let servers = [Server::start(), Server::slowed(50), Server::slowed(25)];
     let all = servers.each_ref().map(|server| server.device.clone());
     let shares: [(&str, &[f64]); 4] = [
