@@ -14,7 +14,7 @@ use burn::server::{
 };
 use clap::Parser;
 use softray::burn;
-use softray::remote::RenderService;
+use softray::remote::{RenderService, ServiceLimits};
 
 /// A server that renders for its clients.
 #[derive(Parser)]
@@ -35,16 +35,16 @@ pub struct Arguments {
     #[arg(long, conflicts_with = "token_file")]
     without_token: bool,
     /// Maximum number of pixels of a render, over all of its views.
-    #[arg(long, default_value_t = 1 << 26)]
+    #[arg(long, default_value_t = ServiceLimits::default().pixels)]
     max_pixels: u64,
     /// Maximum number of samples of a render, over all pixels of all of its views.
-    #[arg(long, default_value_t = 1 << 36)]
+    #[arg(long, default_value_t = ServiceLimits::default().samples)]
     max_samples: u64,
-    /// Maximum memory of the images of a render, in MB.
-    #[arg(long, default_value_t = 4096)]
+    /// Maximum memory of the images of a render, in MiB.
+    #[arg(long, default_value_t = ServiceLimits::default().memory >> 20)]
     max_memory: u64,
     /// Number of forward passes that are kept for their backward passes.
-    #[arg(long, default_value_t = 8)]
+    #[arg(long, default_value_t = ServiceLimits::default().kept)]
     kept: usize,
 }
 
@@ -94,15 +94,16 @@ pub fn serve(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             (transport.into(), format!("ws://{address}"))
         }
     };
-    let service = RenderService::new()
-        .with_max_pixels(arguments.max_pixels)
-        .with_max_samples(arguments.max_samples)
-        .with_memory_limit(arguments.max_memory << 20)
-        .with_kept(arguments.kept);
+    let mut limits = ServiceLimits::default();
+    limits.pixels = arguments.max_pixels;
+    limits.samples = arguments.max_samples;
+    limits.memory = arguments.max_memory << 20;
+    limits.kept = arguments.kept;
+    let service = RenderService::new(limits);
     let server = RemoteServer::new(devices.clone()).with_authorizer(authorizer);
     let server = service.add_to(server, &devices[0])?;
     println!(
-        "serving {} at {address}: at most {} pixels, {} samples and {} MB of images a render, {} forward passes kept, \
+        "serving {} at {address}: at most {} pixels, {} samples and {} MiB of images a render, {} forward passes kept, \
          {}",
         arguments.devices.join(", "),
         arguments.max_pixels,

@@ -1,5 +1,6 @@
 //! What servers cost and gain beside the device of one process (docs/MACHINES.md): this program again as servers with
-//! one thread each. Ratios are medians of pairs of runs that alternate.
+//! one thread each. Ratios are medians of pairs of runs that alternate. Arguments select among `client`, `flex`, `two`
+//! and `speeds`, as in `cargo bench --features remote-server --bench machines -- two`.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
@@ -22,6 +23,8 @@ const SERVER: &str = "SOFTRAY_BENCH_SERVER";
 struct Server {
     child: Child,
     device: Device,
+    /// The process that stops and continues the server by turns.
+    brake: Option<Child>,
 }
 
 impl Server {
@@ -39,7 +42,24 @@ impl Server {
             .and_then(|(_, rest)| rest.split_once(": "));
         let address = format!("ws://{}", place.expect("an address").0);
         let device = connect(&address, "").expect("a device");
-        Self { child, device }
+        Self {
+            child,
+            device,
+            brake: None,
+        }
+    }
+
+    /// A server that runs in some of each 100 ms, as one of a slower machine.
+    fn slowed(milliseconds: u32) -> Self {
+        let mut server = Self::start();
+        let [runs, rests] = [milliseconds, 100 - milliseconds].map(|m| f64::from(m) / 1000.0);
+        let turns = format!(
+            "while kill -STOP $0; do sleep {rests}; kill -CONT $0; sleep {runs}; done 2>/dev/null"
+        );
+        let id = server.child.id().to_string();
+        let brake = Command::new("sh").args(["-c", &turns, &id]).spawn();
+        server.brake = Some(brake.expect("a shell"));
+        server
     }
 
     /// Seconds of CPU time so far.
@@ -50,8 +70,10 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        for child in self.brake.iter_mut().chain([&mut self.child]) {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
     }
 }
 
@@ -99,7 +121,8 @@ fn step(subdivisions: u32, options: &RenderOptions, device: &Device) -> [f64; 2]
     [forward, begin.elapsed().as_secs_f64() - forward]
 }
 
-fn shares_of_cpu(server: &Server) {
+fn shares_of_cpu() {
+    let server = Server::start();
     let options = RenderOptions::new(64, 64).with_samples(64);
     step(2, &options, &server.device);
     let before = [cpu("self"), server.seconds()];
@@ -115,7 +138,8 @@ fn shares_of_cpu(server: &Server) {
     );
 }
 
-fn against_flex(server: &Server) {
+fn against_flex() {
+    let server = Server::start();
     for (subdivisions, samples) in [(2, 64), (5, 1), (5, 64)] {
         let options = RenderOptions::new(64, 64).with_samples(samples);
         let flex = Device::flex();
@@ -143,15 +167,20 @@ struct Offsets {
     offsets: Param<Tensor<2>>,
 }
 
-/// Seconds of ten steps of a fit to eight views.
-fn fit(devices: &[Device], samples: u32) -> f64 {
+/// The steps of a fit that is measured.
+const STEPS: usize = 4;
+
+/// Seconds of a step of a fit to some views, of which each device has a share.
+fn fit(devices: &[Device], views: usize, samples: u32, weights: &[f64]) -> f64 {
     let ball = shapes::icosphere(3, &Device::flex());
     let start = ball.vertices.zeros_like().autodiff();
     let module = Offsets {
         offsets: Param::from_tensor(start),
     };
-    let views: Vec<f64> = (0..8).map(|i| 45.0 * f64::from(i)).collect();
-    let fit = Fit::new(module, AdamConfig::new().init(), 10).with_progress(false);
+    let views: Vec<f64> = (0..views)
+        .map(|i| 360.0 * i as f64 / views as f64)
+        .collect();
+    let fit = Fit::new(module, AdamConfig::new().init(), STEPS).with_progress(false);
     let begin = Instant::now();
     let result = fit.run_over(devices, |module: &Offsets, step, part: &Part| {
         let ball = shapes::icosphere(3, &part.device);
@@ -163,28 +192,53 @@ fn fit(devices: &[Device], samples: u32) -> f64 {
             let (sin, cos) = degrees.to_radians().sin_cos();
             Camera::look_at([4.0 * sin, 0.5, 4.0 * cos], [0.0; 3])
         };
-        let batch = Batch::new(vec![scene], part.of(&views).map(view).collect())?;
+        let batch = Batch::new(
+            vec![scene],
+            part.weighted(&views, weights)?.map(view).collect(),
+        )?;
         let options = RenderOptions::new(64, 64).with_samples(samples);
         let images = render_batch(&batch, &step.options(&options, part.index as u64))?;
         Ok(Evaluation::new(images.radiance.powf_scalar(2.0).mean()))
     });
     result.expect("a fit");
-    begin.elapsed().as_secs_f64()
+    begin.elapsed().as_secs_f64() / STEPS as f64
 }
 
-fn one_and_two(servers: &[Server; 2]) {
-    let both = servers.each_ref().map(|server| server.device.clone());
-    for samples in [16, 64] {
-        let mut ratios = Vec::new();
-        let mut last = 0.0;
-        for _ in 0..3 {
-            last = fit(&both[..1], samples);
-            ratios.push(fit(&both, samples) / last);
-        }
+fn one_and_two() {
+    let both = [Server::start(), Server::start()];
+    let both = both.each_ref().map(|server| server.device.clone());
+    for samples in [64, 256] {
+        let pairs =
+            (0..5).map(|_| [1, 2].map(|count| fit(&both[..count], 8, samples, &[1.0; 2][..count])));
+        let pairs: Vec<_> = pairs.collect();
         println!(
             "fit to 8 views of 64², {samples} samples: two servers over one {:.2} (of {:.0} ms a step)",
-            median(ratios),
-            100.0 * last
+            median(pairs.iter().map(|[one, two]| two / one).collect()),
+            1e3 * median(pairs.iter().map(|pair| pair[0]).collect())
+        );
+    }
+}
+
+/// Three servers, of which one runs half and one a quarter of the time.
+fn different_speeds() {
+    const VIEWS: usize = 7;
+    let servers = [Server::start(), Server::slowed(50), Server::slowed(25)];
+    let all = servers.each_ref().map(|server| server.device.clone());
+    let shares: [(&str, &[f64]); 4] = [
+        ("the fast one alone", &[1.0]),
+        ("the first two, equal parts", &[1.0; 2]),
+        ("all three, equal parts", &[1.0; 3]),
+        ("all three, parts of 4 : 2 : 1", &[4.0, 2.0, 1.0]),
+    ];
+    let runs =
+        (0..3).map(|_| shares.map(|(_, weights)| fit(&all[..weights.len()], VIEWS, 64, weights)));
+    let runs: Vec<_> = runs.collect();
+    for (i, (name, _)) in shares.iter().enumerate() {
+        println!(
+            "fit to {VIEWS} views of 64², 64 samples, servers of speed 1, 1/2 and 1/4: {name} {:.0} ms a step, {:.2} of \
+             the fast one's",
+            1e3 * median(runs.iter().map(|run| run[i]).collect()),
+            median(runs.iter().map(|run| run[i] / run[0]).collect())
         );
     }
 }
@@ -195,14 +249,26 @@ fn main() {
         return render_server::serve(&render_server::Arguments::parse_from(arguments))
             .expect("a server");
     }
+    let named: Vec<String> = std::env::args().skip(1).collect();
     if std::env::var_os("RAYON_NUM_THREADS").is_none() {
         let program = std::env::current_exe().expect("this program");
-        let status = Command::new(program).env("RAYON_NUM_THREADS", "1").status();
+        let mut command = Command::new(program);
+        let status = command.args(named).env("RAYON_NUM_THREADS", "1").status();
         assert!(status.expect("this program with one thread").success());
         return;
     }
-    let servers = [Server::start(), Server::start()];
-    shares_of_cpu(&servers[0]);
-    against_flex(&servers[0]);
-    one_and_two(&servers);
+    let parts: [(&str, fn()); 4] = [
+        ("client", shares_of_cpu),
+        ("flex", against_flex),
+        ("two", one_and_two),
+        ("speeds", different_speeds),
+    ];
+    let all = !parts
+        .iter()
+        .any(|(name, _)| named.iter().any(|n| n == name));
+    for (name, part) in parts {
+        if all || named.iter().any(|n| n == name) {
+            part();
+        }
+    }
 }

@@ -84,7 +84,7 @@ fn not_connected(error: ConnectError) -> String {
 }
 
 /// Limits how long a render waits for a server's answer, for all devices of this process. The default is ten minutes.
-/// A render that takes longer is an error, and the session with its server ends.
+/// A render that takes longer is an error. The server is not told, so the next render waits until it has finished.
 pub fn set_time_limit(limit: Duration) {
     let milliseconds = u64::try_from(limit.as_millis()).unwrap_or(u64::MAX);
     TIME_LIMIT.store(milliseconds, Ordering::Relaxed);
@@ -113,23 +113,23 @@ pub(super) fn address(device: &Device) -> Option<String> {
 /// If the server has gone or does not answer in time. The message begins with `doing`.
 pub(crate) fn read_words(tensor: Tensor<1, Int>, doing: &str) -> Result<Vec<u32>> {
     let device = tensor.device();
-    let failed = |reason: String| {
-        let message = format!(
-            "{doing} failed: {reason}. burn cannot use this device again in this process; start the program anew, and \
-             continue a training from its checkpoint"
-        );
-        Error::device(super::label(&device), message)
-    };
+    let failed =
+        |reason: String| Error::device(super::label(&device), format!("{doing} failed: {reason}"));
     let limit = Duration::from_millis(TIME_LIMIT.load(Ordering::Relaxed));
     let data = match finish(tensor.into_data_async(), limit) {
         None => Err(failed(format!(
-            "the server did not answer within {} s (softray::remote::set_time_limit)",
+            "the server did not answer within {} s (softray::remote::set_time_limit). If it still computes, the next \
+             render on this device waits for it; if it has gone, start the program anew, and continue a training from \
+             its checkpoint",
             limit.as_secs_f64()
         ))),
         Some(Err(error)) => {
             let reason = error.to_string();
             let reason = reason.lines().next().unwrap_or_default();
-            Err(failed(format!("the server ended the session ({reason})")))
+            Err(failed(format!(
+                "the server ended the session ({reason}). burn cannot use this device again in this process; start the \
+                 program anew, and continue a training from its checkpoint"
+            )))
         }
         Some(Ok(data)) => Ok(data),
     }?;

@@ -20,7 +20,7 @@ use burn::tensor::Device;
 pub use crate::device::remote::{connect, set_time_limit};
 use crate::error::Result;
 #[cfg(feature = "remote-server")]
-pub use service::RenderService;
+pub use service::{RenderService, ServiceLimits};
 
 /// Waits for the last gradients on a device of a server. On other devices it returns at once.
 ///

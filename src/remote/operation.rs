@@ -4,29 +4,35 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use burn::backend::ir::{BackendIr, CustomOpIr, HandleContainer, TensorIr};
-use burn::backend::{BackendTensor, DispatchKindConversion, DispatchTensor};
+use burn::backend::ops::FloatTensorOps;
+use burn::backend::{BackendTensor, Dispatch, DispatchKindConversion, DispatchTensor};
 use burn::tensor::{DType, Device, Int, Shape, Tensor};
 
 use crate::error::{Error, Result};
-use crate::render::remote::message::{Failure, GRADIENT, INPUTS};
-use crate::render::remote::words::{encode, malformed, pack, tensor};
+use crate::render::remote::message::{Call, INPUTS};
+use crate::render::remote::words::{malformed, tensor};
 
-/// The inputs of an operation, and the shapes of its outputs.
+/// The inputs of an operation, and the shape of its result.
 pub(super) struct Inputs {
+    pub call: Call,
+    pub seed: u64,
     pub words: [Tensor<1, Int>; INPUTS],
     pub tensors: Vec<DispatchTensor>,
     /// The shape of the result, which the client expects.
     pub expected: Shape,
 }
 
-/// The result of an operation, and the words after the one for success.
+/// The result of an operation, and words.
 pub(super) type Answer = (DispatchTensor, Vec<u32>);
 
-/// Runs an operation. Its outputs are registered whatever happens, since the client's session would end otherwise.
+/// Runs an operation. Its outputs are registered whatever happens, since the client's session would end otherwise: the
+/// result, NaN if it failed, and a word that is 0 after success, with the words of the answer. The second output may be
+/// missing. `failed` is told of an error.
 pub(super) fn answer<B: BackendIr>(
     handles: &mut HandleContainer<B::Handle>,
     operation: &CustomOpIr,
     run: impl FnOnce(Inputs) -> Result<Answer>,
+    failed: impl FnOnce(Call, Error),
 ) where
     DispatchTensor: DispatchKindConversion<B>,
 {
@@ -39,8 +45,8 @@ pub(super) fn answer<B: BackendIr>(
         <DispatchTensor as DispatchKindConversion<B>>::from_backend(own)
     };
     let tensors: Vec<DispatchTensor> = floats.iter().map(float).collect();
-    let [result, success, message] = &operation.outputs[..] else {
-        log::error!("an operation of {} outputs", operation.outputs.len());
+    let Some((result, message)) = operation.outputs.split_first() else {
+        log::error!("an operation without outputs");
         return;
     };
     let Some(device) = words.first().map(Tensor::device) else {
@@ -48,50 +54,43 @@ pub(super) fn answer<B: BackendIr>(
         return;
     };
     let expected = result.shape.clone();
+    let called = Call::of_scalars(&operation.scalars);
     let run = || {
+        let (call, seed) = called.ok_or_else(|| malformed("the scalars"))?;
         let words = words.try_into();
         let words = words.map_err(|_| malformed("too few inputs"))?;
         run(Inputs {
+            call,
+            seed,
             words,
             tensors,
-            expected,
+            expected: expected.clone(),
         })
     };
     let answered = catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|panic| {
         let text = text_of(&*panic);
-        Err(Error::device(
-            "",
-            format!("it failed in the program: {text}"),
-        ))
+        let message = format!("it failed in the program: {text}");
+        Err(Error::device("", message))
     });
-    let room = success.shape.num_elements();
-    let (rows, mut words, failure) = match answered {
-        Ok((rows, mut words)) => {
-            words.insert(0, 0);
-            (rows, words, Vec::new())
-        }
+    let (result_of, words) = match answered {
+        Ok((result, words)) => (result, [vec![0], words].concat()),
         Err(error) => {
             log::warn!("an operation failed: {error}");
+            if let Some((call, _)) = called {
+                failed(call, error);
+            }
             // The client takes no image of a failed render. Of a gradient it takes this.
-            let count = if operation.id == GRADIENT {
-                result.shape.num_elements()
-            } else {
-                1
-            };
-            let none = Tensor::<1>::full([count], f32::NAN, (&device, result.dtype));
-            let failure = encode(&Failure::new(error)).unwrap_or_default();
-            (none.into_dispatch(), vec![1], pack(&failure))
+            let none = Tensor::<1>::full([1], f32::NAN, (&device, result.dtype)).into_dispatch();
+            (Dispatch::float_expand(none, expected), vec![1])
         }
     };
-    let rows = <DispatchTensor as DispatchKindConversion<B>>::try_into_backend(rows);
-    if let Ok(BackendTensor::Float(rows)) = rows {
-        handles.register_float_tensor::<B>(&result.id, rows);
+    let result_of = <DispatchTensor as DispatchKindConversion<B>>::try_into_backend(result_of);
+    if let Ok(BackendTensor::Float(tensor)) = result_of {
+        handles.register_float_tensor::<B>(&result.id, tensor);
     }
-    words.resize(room, 0);
-    put_int::<B>(handles, success, words, &device);
-    let mut failure = failure;
-    failure.resize(message.shape.num_elements(), 0);
-    put_int::<B>(handles, message, failure, &device);
+    if let Some(message) = message.first() {
+        put_int::<B>(handles, message, words, &device);
+    }
 }
 
 fn text_of(panic: &(dyn Any + Send)) -> String {
@@ -110,14 +109,16 @@ where
     Tensor::from_primitive::<B>(handles.get_int_tensor::<B>(of))
 }
 
+/// Registers words, of which as many follow or are missing as the output has room for.
 pub(super) fn put_int<B: BackendIr>(
     handles: &mut HandleContainer<B::Handle>,
     output: &TensorIr,
-    words: Vec<u32>,
+    mut words: Vec<u32>,
     device: &Device,
 ) where
     DispatchTensor: DispatchKindConversion<B>,
 {
+    words.resize(output.shape.num_elements(), 0);
     match tensor(words, device).try_into_primitive::<B>() {
         Ok(words) => handles.register_int_tensor::<B>(&output.id, words),
         Err(error) => log::error!("a tensor of another device: {error:?}"),

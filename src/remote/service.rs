@@ -2,20 +2,50 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use burn::backend::ir::BackendIr;
-use burn::backend::{DispatchDevice, DispatchKindConversion, DispatchTensor};
+use burn::backend::ir::{BackendIr, CustomOpIr, HandleContainer};
+use burn::backend::ops::FloatTensorOps;
+use burn::backend::{Dispatch, DispatchDevice, DispatchKindConversion, DispatchTensor};
 use burn::server::RemoteServer;
-use burn::tensor::{Device, Shape, Tensor};
+use burn::tensor::{Device, Int, Shape, Tensor};
 
 use super::operation::{Answer, Inputs, answer, int, put_int, words_of};
 use crate::error::{Error, Result};
 use crate::render::remote::bounded::{Bounded, LEAST_WEIGHT};
 use crate::render::remote::message::{
-    Call, Counts, GRADIENT, PROTOCOL, RENDER, Received, VERSION, receive,
+    Call, Counts, Failure, GRADIENT, PROTOCOL, RENDER, Received, STATE, receive,
 };
-use crate::render::remote::words::{Hash, decode, encode, hash, malformed, pack};
+use crate::render::remote::words::{Hash, encode, hash, malformed, pack};
 use crate::render::{HierarchyCache, Means, means};
 use crate::scene::slots::Topology;
+
+/// The limits of a server.
+///
+/// [`RenderService`] has an example.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct ServiceLimits {
+    /// The most pixels of a render, over all of its views.
+    pub pixels: u64,
+    /// The most samples of a render, over all pixels of all of its views.
+    pub samples: u64,
+    /// The most memory of the images of a render, in bytes. The limit of the client's options holds too.
+    pub memory: u64,
+    /// The number of forward passes that are kept for their backward passes, over all clients. A backward pass whose
+    /// forward pass was dropped repeats it first.
+    pub kept: usize,
+}
+
+impl Default for ServiceLimits {
+    /// 2²⁶ pixels and 2³⁶ samples a render, 4 GiB of images, 8 forward passes.
+    fn default() -> Self {
+        Self {
+            pixels: 1 << 26,
+            samples: 1 << 36,
+            memory: 4 << 30,
+            kept: 8,
+        }
+    }
+}
 
 /// The operations of a server that renders, and their limits.
 ///
@@ -24,30 +54,26 @@ use crate::scene::slots::Topology;
 /// ```no_run
 /// use softray::burn::server::{RemoteServer, TokenAuthorizer, WebSocketTransport};
 /// use softray::burn::tensor::Device;
-/// use softray::remote::RenderService;
+/// use softray::remote::{RenderService, ServiceLimits};
 ///
+/// let mut limits = ServiceLimits::default();
+/// limits.pixels = 1 << 20;
 /// let device = Device::flex();
 /// let listener = std::net::TcpListener::bind("127.0.0.1:3000")?;
 /// let server = RemoteServer::new([device.clone()]).with_authorizer(TokenAuthorizer::new("a secret")?);
-/// let server = RenderService::new().add_to(server, &device)?;
+/// let server = RenderService::new(limits).add_to(server, &device)?;
 /// server.serve(WebSocketTransport::from_listener(listener)).expect("a server");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone)]
 pub struct RenderService(Arc<State>);
 
-#[derive(Clone, Copy)]
-struct Limits {
-    pixels: u64,
-    samples: u64,
-    memory: u64,
-}
-
 struct State {
-    limits: Limits,
+    limits: ServiceLimits,
     topologies: Mutex<Bounded<Hash, Arc<Topology>>>,
     caches: Mutex<Bounded<u64, HierarchyCache>>,
-    forward: Mutex<Bounded<u64, Forward>>,
+    forward: Mutex<Bounded<Call, Forward>>,
+    failures: Mutex<Bounded<Call, Arc<Failure>>>,
 }
 
 /// A forward pass that waits for its backward pass: the rows, and the tensors whose gradient is the result.
@@ -57,74 +83,23 @@ struct Forward {
     leaves: Vec<Tensor<1>>,
 }
 
-impl Default for RenderService {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl RenderService {
     /// The most bytes of faces that are kept between renders.
     const TOPOLOGIES: usize = 1 << 28;
     /// The most caches of clients.
     const CACHES: usize = 16;
+    /// The most failures that no client has asked for.
+    const FAILURES: usize = 256;
 
-    /// A service with the default limits: 2²⁶ pixels and 2³⁶ samples a render, 4 GB of images, 8 forward passes kept.
-    pub fn new() -> Self {
-        Self::with_limits(
-            Limits {
-                pixels: 1 << 26,
-                samples: 1 << 36,
-                memory: 4 << 30,
-            },
-            8,
-        )
-    }
-
-    fn with_limits(limits: Limits, kept: usize) -> Self {
+    /// A service with some limits.
+    pub fn new(limits: ServiceLimits) -> Self {
         Self(Arc::new(State {
             limits,
             topologies: Mutex::new(Bounded::new(Self::TOPOLOGIES)),
             caches: Mutex::new(Bounded::new(Self::CACHES)),
-            forward: Mutex::new(Bounded::new(kept)),
+            forward: Mutex::new(Bounded::new(limits.kept)),
+            failures: Mutex::new(Bounded::new(Self::FAILURES)),
         }))
-    }
-
-    fn kept(&self) -> usize {
-        lock(&self.0.forward).limit()
-    }
-
-    /// Limits the number of pixels of a render, over all of its views.
-    pub fn with_max_pixels(self, pixels: u64) -> Self {
-        let limits = Limits {
-            pixels,
-            ..self.0.limits
-        };
-        Self::with_limits(limits, self.kept())
-    }
-
-    /// Limits the number of samples of a render, over all pixels of all of its views.
-    pub fn with_max_samples(self, samples: u64) -> Self {
-        let limits = Limits {
-            samples,
-            ..self.0.limits
-        };
-        Self::with_limits(limits, self.kept())
-    }
-
-    /// Limits the memory of the images of a render, in bytes, below the limit of the client's options.
-    pub fn with_memory_limit(self, bytes: u64) -> Self {
-        let limits = Limits {
-            memory: bytes,
-            ..self.0.limits
-        };
-        Self::with_limits(limits, self.kept())
-    }
-
-    /// Sets the number of forward passes that are kept for their backward passes, over all clients. A backward pass
-    /// whose forward pass was dropped repeats it first.
-    pub fn with_kept(self, forward_passes: usize) -> Self {
-        Self::with_limits(self.0.limits, forward_passes)
     }
 
     /// Adds the operations to a server of devices like this one: Flex or CubeCL's GPUs.
@@ -148,22 +123,23 @@ impl RenderService {
     where
         DispatchTensor: DispatchKindConversion<B>,
     {
-        let [render, gradient] = [self.0.clone(), self.0.clone()];
+        let [state, render, gradient] = [self.0.clone(), self.0.clone(), self.0.clone()];
         server
-            .with_custom_op::<B, _>(VERSION, |handles, operation, _| {
-                let words = int::<B>(handles, &operation.inputs[0]);
-                put_int::<B>(
-                    handles,
-                    &operation.outputs[0],
-                    vec![PROTOCOL],
-                    &words.device(),
-                );
+            .with_custom_op::<B, _>(STATE, move |handles, operation, _| {
+                state.tell::<B>(handles, operation);
             })
             .with_custom_op::<B, _>(RENDER, move |handles, operation, _| {
-                answer::<B>(handles, operation, |inputs| render.render(inputs));
+                let failed = |call, error| render.fail(call, error);
+                answer::<B>(handles, operation, |inputs| render.render(inputs), failed);
             })
             .with_custom_op::<B, _>(GRADIENT, move |handles, operation, _| {
-                answer::<B>(handles, operation, |inputs| gradient.gradient(inputs));
+                let failed = |call: Call, error| gradient.fail(call.gradients(), error);
+                answer::<B>(
+                    handles,
+                    operation,
+                    |inputs| gradient.gradient(inputs),
+                    failed,
+                );
             })
     }
 }
@@ -173,25 +149,51 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl State {
-    fn received(&self, inputs: &Inputs, tensors: Vec<DispatchTensor>) -> Result<(Call, Received)> {
-        let [call, lists, scenes, views] = &inputs.words;
-        let call: Call = decode(&words_of(call)?)?;
-        let known = lock(&self.topologies).get(&call.topology);
-        let topology = match known {
-            Some(topology) => topology,
-            None => {
-                let words = words_of(lists)?;
-                let topology = Topology::of_words(&words).ok_or_else(|| malformed("faces"))?;
-                let topology = Arc::new(topology);
-                // The name is not taken from the client, whose lists must not replace another client's.
-                let weight = (4 * words.len()).max(LEAST_WEIGHT);
-                lock(&self.topologies).insert(hash(&words), topology.clone(), weight);
-                topology
-            }
+    /// Keeps what failed for the client. Of all gradients it is the first failure.
+    fn fail(&self, call: Call, error: Error) {
+        let mut failures = lock(&self.failures);
+        if failures.get(&call).is_none() {
+            failures.insert(call, Arc::new(Failure::new(error)), 1);
+        }
+    }
+
+    /// The version, and the failure of a call.
+    fn tell<B: BackendIr>(&self, handles: &mut HandleContainer<B::Handle>, operation: &CustomOpIr)
+    where
+        DispatchTensor: DispatchKindConversion<B>,
+    {
+        let ([input, ..], [output, ..]) = (&operation.inputs[..], &operation.outputs[..]) else {
+            log::error!("an operation without inputs or outputs");
+            return;
         };
+        let call = Call::of_scalars(&operation.scalars);
+        let failed = call.and_then(|(call, _)| lock(&self.failures).remove(&call));
+        let failure = failed.and_then(|failure| encode(&*failure).ok());
+        let words = failure.map_or(Vec::new(), |failure| pack(&failure));
+        let device = int::<B>(handles, input).device();
+        put_int::<B>(handles, output, [vec![PROTOCOL], words].concat(), &device);
+    }
+
+    /// The lists of a hash. Those of the client are read if they are not known.
+    fn topology(&self, key: &Hash, lists: &Tensor<1, Int>) -> Result<Arc<Topology>> {
+        if let Some(known) = lock(&self.topologies).get(key) {
+            return Ok(known);
+        }
+        let words = words_of(lists)?;
+        let topology = Topology::of_words(&words).ok_or_else(|| malformed("faces"))?;
+        let topology = Arc::new(topology);
+        // The name is not taken from the client, whose lists must not replace another client's.
+        let weight = (4 * words.len()).max(LEAST_WEIGHT);
+        lock(&self.topologies).insert(hash(&words), topology.clone(), weight);
+        Ok(topology)
+    }
+
+    fn received(&self, inputs: &Inputs, tensors: Vec<DispatchTensor>) -> Result<Received> {
+        let [lists, scenes, views] = &inputs.words;
+        let topology = |key: &Hash| self.topology(key, lists);
         let parts = [words_of(scenes)?, words_of(views)?];
-        let mut received = receive(&call, topology, [&parts[0], &parts[1]], tensors)?;
-        if let Some(id) = call.cache {
+        let mut received = receive(inputs.seed, topology, [&parts[0], &parts[1]], tensors)?;
+        if let Some(id) = received.cache {
             let mut caches = lock(&self.caches);
             let cache = caches.get(&id).unwrap_or_default();
             caches.insert(id, cache.clone(), 1);
@@ -199,7 +201,7 @@ impl State {
         }
         received.options.memory_limit = received.options.memory_limit.min(self.limits.memory);
         self.check(&received)?;
-        Ok((call, received))
+        Ok(received)
     }
 
     fn check(&self, received: &Received) -> Result<()> {
@@ -235,6 +237,7 @@ impl State {
             options,
             pixels,
             leaves,
+            ..
         } = received;
         let [rows, channels] = expected.to_vec()[..] else {
             return Err(malformed("the shape of the result"));
@@ -272,13 +275,19 @@ impl State {
         Ok((forward, pack(&encode(&counts)?)))
     }
 
+    /// Renders, unless a gradient of the client has failed.
     fn render(&self, mut inputs: Inputs) -> Result<Answer> {
+        let failed = lock(&self.failures).remove(&inputs.call.gradients());
+        if let Some(failure) = failed {
+            lock(&self.failures).insert(inputs.call, failure, 1);
+            return Err(Error::device("", "a gradient failed before this render"));
+        }
         let tensors = std::mem::take(&mut inputs.tensors);
-        let (call, received) = self.received(&inputs, tensors)?;
+        let received = self.received(&inputs, tensors)?;
         let (forward, counts) = self.forward(received, &inputs.expected)?;
         let rows = forward.rows.clone().inner().into_dispatch();
         if !forward.leaves.is_empty() {
-            lock(&self.forward).insert(call.id, forward, 1);
+            lock(&self.forward).insert(inputs.call, forward, 1);
         }
         Ok((rows, counts))
     }
@@ -287,12 +296,11 @@ impl State {
         let mut tensors = std::mem::take(&mut inputs.tensors);
         let upstream = tensors.pop().ok_or_else(|| malformed("no gradient"))?;
         let upstream = Tensor::<2>::from_dispatch(upstream);
-        let call: Call = decode(&words_of(&inputs.words[0])?)?;
-        let kept = lock(&self.forward).remove(&call.id);
+        let kept = lock(&self.forward).remove(&inputs.call);
         let Forward { rows, leaves } = match kept {
             Some(kept) => kept,
             None => {
-                let (_, received) = self.received(&inputs, tensors)?;
+                let received = self.received(&inputs, tensors)?;
                 let shape = Shape::from(upstream.dims());
                 self.forward(received, &shape)?.0
             }
@@ -308,6 +316,10 @@ impl State {
             gradient.unwrap_or_else(|| leaf.clone().inner().zeros_like())
         };
         let gradient = Tensor::cat(leaves.iter().map(of_leaf).collect(), 0);
-        Ok((gradient.into_dispatch(), Vec::new()))
+        if gradient.dims()[0] != inputs.expected.num_elements() {
+            return Err(malformed("the shape of the parameters"));
+        }
+        let gradient = Dispatch::float_reshape(gradient.into_dispatch(), inputs.expected);
+        Ok((gradient, Vec::new()))
     }
 }

@@ -220,9 +220,46 @@ pub(crate) struct Means {
 }
 
 impl Means {
-    /// Splits the channels into images of width × height pixels.
+    /// Splits the channels into images of width × height pixels, one for each view.
     pub fn images(self, [width, height]: [usize; 2], outputs: Outputs) -> ImageBatch {
-        let (count, all) = (self.statistics.len(), self.mean.dims()[1]);
+        let plane = [self.statistics.len(), height, width];
+        let [count, height, width] = plane;
+        let channels = self.channels(plane, [count, height, width, 3], outputs);
+        ImageBatch {
+            radiance: channels.radiance,
+            opacity: channels.opacity,
+            depth: channels.depth,
+            normals: channels.normals,
+            albedo: channels.albedo,
+            object_ids: channels.object_ids,
+            statistics: self.statistics,
+            diagnostics: self.diagnostics,
+        }
+    }
+
+    /// Splits the channels of the only view.
+    pub fn image(mut self, [width, height]: [usize; 2], outputs: Outputs) -> Image {
+        let channels = self.channels([height, width], [height, width, 3], outputs);
+        Image {
+            radiance: channels.radiance,
+            opacity: channels.opacity,
+            depth: channels.depth,
+            normals: channels.normals,
+            albedo: channels.albedo,
+            object_ids: channels.object_ids,
+            statistics: self.statistics.swap_remove(0),
+            diagnostics: self.diagnostics.pop(),
+        }
+    }
+
+    /// Splits the channels into tensors of the shapes of one and of three channels.
+    fn channels<const P: usize, const C: usize>(
+        &self,
+        plane: [usize; P],
+        color: [usize; C],
+        outputs: Outputs,
+    ) -> Channels<P, C> {
+        let all = self.mean.dims()[1];
         let mut next = 0;
         let mut take = |channels: usize| {
             next += channels;
@@ -232,9 +269,9 @@ impl Means {
                 _ => self.mean.clone().narrow(1, next - channels, channels),
             }
         };
-        let plane = |t: Tensor<2>| t.reshape([count, height, width]);
-        let color = |t: Tensor<2>| t.reshape([count, height, width, 3]);
-        let radiance = color(take(3));
+        let plane_of = |t: Tensor<2>| t.reshape(plane);
+        let color_of = |t: Tensor<2>| t.reshape(color);
+        let radiance = color_of(take(3));
         let opacity = outputs.need_opacity().then(|| take(1));
         let seen = opacity.as_ref().map(|o| {
             let nothing = detached(o).lower_elem(1e-12);
@@ -247,25 +284,31 @@ impl Means {
             }
             None => t,
         };
-        let depth = outputs.depth.then(|| plane(per_opacity(take(1))));
-        let normals = outputs.normals.then(|| color(per_opacity(take(3))));
-        let albedo = (outputs.albedo).then(|| detached(&color(take(3))));
+        let depth = outputs.depth.then(|| plane_of(per_opacity(take(1))));
+        let normals = outputs.normals.then(|| color_of(per_opacity(take(3))));
+        let albedo = outputs.albedo.then(|| detached(&color_of(take(3))));
         let object_ids = outputs.object_ids.then(|| {
             let index = take(self.objects + 1).inner().argmax(1);
             let background = index.clone().equal_elem(self.objects as i64);
-            index
-                .mask_fill(background, -1)
-                .reshape([count, height, width])
+            index.mask_fill(background, -1).reshape(plane)
         });
-        ImageBatch {
+        Channels {
             radiance,
-            opacity: opacity.filter(|_| outputs.opacity).map(plane),
+            opacity: opacity.filter(|_| outputs.opacity).map(plane_of),
             depth,
             normals,
             albedo,
             object_ids,
-            statistics: self.statistics,
-            diagnostics: self.diagnostics,
         }
     }
+}
+
+/// The channels of images, of P axes each, or C with colors.
+struct Channels<const P: usize, const C: usize> {
+    radiance: Tensor<C>,
+    opacity: Option<Tensor<P>>,
+    depth: Option<Tensor<P>>,
+    normals: Option<Tensor<C>>,
+    albedo: Option<Tensor<C>>,
+    object_ids: Option<Tensor<P, Int>>,
 }

@@ -146,7 +146,8 @@ pub fn render_pixels(
 /// # Errors
 /// Like [`render`], with the index of the invalid scene or view. Nothing is rendered then.
 pub fn render_batch(batch: &Batch, options: &RenderOptions) -> Result<ImageBatch> {
-    render_views(batch, options, None)
+    let (means, size) = tracked_means(batch, options, None)?;
+    Ok(means.images(size, options.outputs))
 }
 
 fn render_list(
@@ -156,26 +157,27 @@ fn render_list(
     pixels: Option<Arc<Vec<u32>>>,
 ) -> Result<Image> {
     let batch = Batch::views(vec![scene.clone()], vec![(0, camera.clone())])?;
-    match render_views(&batch, options, pixels) {
-        Ok(images) => Ok(images.view(0)),
+    match tracked_means(&batch, options, pixels) {
+        Ok((means, size)) => Ok(means.image(size, options.outputs)),
         Err(Error::InBatch { source, .. }) => Err(*source),
         Err(other) => Err(other),
     }
 }
 
-/// Renders the listed pixels of all views, or all pixels without a list.
-fn render_views(
+/// Returns the rows of the listed pixels of all views, or of all pixels without a list, as a part of the graph, and the
+/// width and height of the images.
+fn tracked_means(
     batch: &Batch,
     options: &RenderOptions,
     pixels: Option<Arc<Vec<u32>>>,
-) -> Result<ImageBatch> {
+) -> Result<(Means, [usize; 2])> {
     let size = match &pixels {
         Some(pixels) => [pixels.len(), 1],
         None => [options.width, options.height],
     };
     let mut means = means(batch, options, pixels)?;
     means.mean = with_gradient(means.mean, batch);
-    Ok(means.images(size, options.outputs))
+    Ok((means, size))
 }
 
 /// Returns the rows of all pixels of all views.

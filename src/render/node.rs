@@ -15,8 +15,10 @@ use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
 use burn::backend::autodiff::grads::Gradients;
 use burn::backend::autodiff::ops::{Backward, Ops, OpsKind, unary};
 use burn::backend::tensor::FloatTensor;
-use burn::backend::{Autodiff, Backend, Dispatch, TensorMetadata, backend_extension};
-use burn::tensor::{DType, Device, Tensor, TensorData};
+use burn::backend::{
+    Autodiff, Backend, Dispatch, DispatchTensor, TensorMetadata, backend_extension,
+};
+use burn::tensor::{DType, Device, Shape, Tensor, TensorData};
 
 use crate::device::count_read_back;
 
@@ -24,15 +26,15 @@ type OnHost = dyn Fn(&TensorData) -> Vec<f64> + Send + Sync;
 #[cfg(feature = "gpu")]
 type OnGpu = dyn Fn(&FloatTensor<Cube>) -> FloatTensor<Cube> + Send + Sync;
 #[cfg(feature = "remote")]
-type OnServer = dyn Fn(FloatTensor<Remote>, usize) -> FloatTensor<Remote> + Send + Sync;
+type OnServer = dyn Fn(FloatTensor<Remote>) -> FloatTensor<Remote> + Send + Sync;
 
-/// A function from the upstream gradient of the output `[R, C]` to the gradient of the parameters `[N]`.
+/// A function from the upstream gradient of the output `[R, C]` to the gradient of the parameters.
 pub(super) enum Derivative {
     Host(Box<OnHost>),
     /// For an image on a GPU. Its gradient stays there.
     #[cfg(feature = "gpu")]
     Gpu(Box<OnGpu>),
-    /// For an image on a server, whose function is given the number of parameters too.
+    /// For an image on a server.
     #[cfg(feature = "remote")]
     Remote(Box<OnServer>),
 }
@@ -42,7 +44,7 @@ pub(super) enum Derivative {
 pub(super) struct SharedDerivative {
     of: Arc<Derivative>,
     /// The shape of the parameters.
-    shape: [usize; 1],
+    shape: Shape,
     dtype: DType,
     device: Device,
 }
@@ -74,7 +76,7 @@ fn by_host<B: Backend>(
     let data = burn::tensor::try_read_sync(B::float_into_data(upstream));
     let data = data.and_then(Result::ok);
     let data = data.expect("the gradient of an image can be read back");
-    let gradient = TensorData::new(of(&data), derivative.shape);
+    let gradient = TensorData::new(of(&data), derivative.shape.clone());
     B::float_from_data(gradient.convert_dtype(derivative.dtype), &device)
 }
 
@@ -100,7 +102,7 @@ impl ImageGradient for Cube {
 impl ImageGradient for Remote {
     fn gradient(upstream: FloatTensor<Self>, derivative: &SharedDerivative) -> FloatTensor<Self> {
         match &*derivative.of {
-            Derivative::Remote(of) => of(upstream, derivative.shape[0]),
+            Derivative::Remote(of) => of(upstream),
             _ => unreachable!("the server has the scene"),
         }
     }
@@ -178,22 +180,18 @@ impl<B: NodeBackend + ImageGradient, C: CheckpointStrategy> NodeBackend for Auto
     }
 }
 
-/// Returns `output` with `parameters` as its parent and `derivative` as its backward pass.
+/// Returns `output` with `parameters`, of any shape, as its parent and `derivative` as its backward pass.
 pub(super) fn attach(
-    parameters: Tensor<1>,
+    parameters: DispatchTensor,
     output: Tensor<2>,
     derivative: Derivative,
 ) -> Tensor<2> {
     let derivative = SharedDerivative {
         of: Arc::new(derivative),
-        shape: parameters.dims(),
+        shape: parameters.shape(),
         dtype: parameters.dtype(),
         device: output.device(),
     };
-    let output = <Dispatch as NodeBackend>::attach(
-        parameters.into_dispatch(),
-        output.into_dispatch(),
-        derivative,
-    );
+    let output = <Dispatch as NodeBackend>::attach(parameters, output.into_dispatch(), derivative);
     Tensor::from_dispatch(output)
 }

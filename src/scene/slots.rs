@@ -2,12 +2,12 @@
 //! that a server receives tensors as handles, and the faces of meshes once.
 
 use std::cell::RefCell;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fmt::Display;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 use burn::backend::tensor::FloatTensor;
-use burn::backend::{DispatchTensor, Remote};
+use burn::backend::{BackendTensor, DispatchTensor, DispatchTensorKind, Remote, TensorMetadata};
 use burn::tensor::{Device, Tensor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -20,16 +20,50 @@ pub(crate) struct Topology {
     pub indices: Vec<Arc<Vec<u32>>>,
 }
 
+impl Topology {
+    /// The places of the lists in memory.
+    pub fn places(&self) -> Places {
+        Places {
+            faces: self.faces.iter().map(Arc::downgrade).collect(),
+            indices: self.indices.iter().map(Arc::downgrade).collect(),
+        }
+    }
+}
+
+/// Lists by their places in memory, which no other list takes while this is kept. A list that has such a place does not
+/// change.
+#[derive(Clone)]
+pub(crate) struct Places {
+    faces: Vec<Weak<Vec<[u32; 3]>>>,
+    indices: Vec<Weak<Vec<u32>>>,
+}
+
+impl PartialEq for Places {
+    fn eq(&self, other: &Self) -> bool {
+        fn same<T>(a: &[Weak<T>], b: &[Weak<T>]) -> bool {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.ptr_eq(b))
+        }
+        same(&self.faces, &other.faces) && same(&self.indices, &other.indices)
+    }
+}
+
 /// What serialization collects.
 #[derive(Default)]
 pub(crate) struct Written {
     pub topology: Topology,
     /// The tensors on the remote device, without autodiff.
     pub tensors: Vec<FloatTensor<Remote>>,
-    /// Flat copies of the tracked tensors, in the order of `tensors`.
-    pub tracked: Vec<Tensor<1>>,
+    /// The tracked tensors, in the order of `tensors`.
+    pub tracked: Vec<DispatchTensor>,
     lists: HashMap<usize, u32>,
-    untracked: HashMap<u64, u32>,
+    numbers: HashMap<Identity, u32>,
+}
+
+/// What copies of a tensor have in common: their node of the graph, or the values of a constant.
+#[derive(PartialEq, Eq, Hash)]
+enum Identity {
+    Tracked(u64),
+    Constant(u64),
 }
 
 /// What deserialization is given, and collects.
@@ -37,8 +71,8 @@ pub(crate) struct Read {
     pub topology: Arc<Topology>,
     /// The tensors on a device of the server, without autodiff.
     pub tensors: Vec<DispatchTensor>,
-    /// Leaf tensors `[N]` of a graph in place of the tracked tensors, by their numbers.
-    pub leaves: Vec<(u32, Tensor<1>)>,
+    /// Leaf tensors `[N]` of a graph, by the numbers of the tracked tensors, which they replace in `tensors`.
+    pub leaves: BTreeMap<u32, Tensor<1>>,
 }
 
 enum Slots {
@@ -180,7 +214,18 @@ pub(super) mod numbers {
     }
 }
 
-/// Tensors: twice their number, and 1 more if they are tracked.
+/// The node of a tracked tensor on a server.
+fn node(tensor: &DispatchTensor) -> Option<u64> {
+    let DispatchTensorKind::Autodiff(inner) = &tensor.kind else {
+        return None;
+    };
+    match &**inner {
+        DispatchTensorKind::Remote(BackendTensor::Autodiff(tensor)) => Some(tensor.id().value),
+        _ => None,
+    }
+}
+
+/// Tensors: twice their number, and 1 more if they are tracked. Copies of a tensor have the same number.
 pub(crate) mod tensor {
     use super::*;
 
@@ -189,24 +234,24 @@ pub(crate) mod tensor {
         serializer: S,
     ) -> Result<S::Ok, S::Error> {
         let number = writing(|own, device| {
-            let tracked = tensor.is_tracked();
+            let tracked = tensor.is_tracked().then(|| tensor.clone().into_dispatch());
             let own_device = detached(tensor).to_device(device);
             let handle = own_device.try_into_primitive::<Remote>();
             let handle = handle.map_err(|e| format!("{e:?}"))?;
-            let id = handle.clone().into_ir().id.value();
-            let next = own.tensors.len() as u32;
-            let number = match tracked {
-                true => next,
-                false => *own.untracked.entry(id).or_insert(next),
+            let identity = match &tracked {
+                Some(tensor) => {
+                    Identity::Tracked(node(tensor).ok_or("a tensor of another device")?)
+                }
+                None => Identity::Constant(handle.id().value()),
             };
+            let next = own.tensors.len() as u32;
+            let number = *own.numbers.entry(identity).or_insert(next);
+            let mark = u32::from(tracked.is_some());
             if number == next {
                 own.tensors.push(handle);
+                own.tracked.extend(tracked);
             }
-            if tracked {
-                let count = tensor.shape().num_elements();
-                own.tracked.push(tensor.clone().reshape([count]));
-            }
-            Ok(2 * number + u32::from(tracked))
+            Ok(2 * number + mark)
         })?;
         serializer.serialize_u32(number)
     }
@@ -215,21 +260,46 @@ pub(crate) mod tensor {
         deserializer: De,
     ) -> Result<Tensor<D>, De::Error> {
         let number = u32::deserialize(deserializer)?;
+        let (number, tracked) = (number / 2, number % 2 == 1);
         reading(|own| {
-            let tensor = item(&own.tensors, number / 2, "tensor")?;
-            let shape = burn::backend::TensorMetadata::shape(&tensor);
-            let shape: [usize; D] = shape
-                .to_vec()
-                .try_into()
-                .map_err(|dims| format!("a tensor has the shape {dims:?}, expected {D} axes"))?;
+            let tensor = item(&own.tensors, number, "tensor")?;
+            let shape: [usize; D] =
+                tensor.shape().to_vec().try_into().map_err(|dims| {
+                    format!("a tensor has the shape {dims:?}, expected {D} axes")
+                })?;
             let tensor = Tensor::<D>::from_dispatch(tensor);
-            if number.is_multiple_of(2) {
+            if !tracked || own.leaves.contains_key(&number) {
                 return Ok(tensor);
             }
             let leaf = tensor.reshape([shape.iter().product::<usize>()]);
             let leaf: Tensor<1> = leaf.autodiff().require_grad();
-            own.leaves.push((number / 2, leaf.clone()));
-            Ok(leaf.reshape(shape))
+            let tensor = leaf.clone().reshape(shape);
+            own.leaves.insert(number, leaf);
+            own.tensors[number as usize] = tensor.clone().into_dispatch();
+            Ok(tensor)
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_are_known_by_their_places() {
+        let list = || Topology {
+            faces: vec![Arc::new(vec![[0, 1, 2]])],
+            indices: Vec::new(),
+        };
+        let first = list();
+        let places = first.places();
+        assert!(places == first.clone().places());
+        assert!(places != list().places());
+        // A list that changes moves to another place, and no other list takes the one that it leaves.
+        let mut changed = first.clone();
+        drop(first);
+        Arc::make_mut(&mut changed.faces[0]).push([2, 1, 0]);
+        assert!(places != changed.places());
+        assert!((0..100).all(|_| places != list().places()));
     }
 }

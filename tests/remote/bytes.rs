@@ -92,7 +92,7 @@ fn a_second_step_sends_what_moved() {
             "{subdivisions} subdivisions: {first} bytes, then {second}, of which {moved} moved"
         );
         assert!(
-            second < moved + 2500,
+            second < moved + 2000,
             "{second} bytes, of which {moved} moved"
         );
         assert!(
@@ -100,4 +100,34 @@ fn a_second_step_sends_what_moved() {
             "faces are sent once: {first}, then {second}"
         );
     }
+}
+
+/// A step with copies of a scene, whose albedo and vertices have gradients, sends their tensors once.
+#[test]
+fn copies_of_a_scene_are_sent_once() {
+    let server = Server::start();
+    let proxy = Proxy::new(&server.address);
+    let device = connect(&format!("ws://{}", proxy.address), TOKEN).expect("a device");
+    let ball = shapes::icosphere(1, &device);
+    let [one, many] = [2, 50].map(|copies| {
+        let steps = [0.5, 0.6].map(|value: f32| {
+            let albedo = Tensor::<1>::from_floats([value; 3], &device).autodiff();
+            let albedo = albedo.require_grad();
+            let vertices = ball.vertices.clone().autodiff().require_grad();
+            let body = Object::new(ball.clone().with_vertices(vertices));
+            let body = body.with_material(Material::diffuse(albedo.clone()));
+            let scene = Scene::new().with_object(body).with_environment([1.0; 3]);
+            let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0, 0.0, 0.0]);
+            let batch = Batch::new(vec![scene; copies], vec![camera]).expect("a batch");
+            let options = RenderOptions::new(4, 4).with_samples(1);
+            let images = render_batch(&batch, &options).expect("images");
+            let gradients = images.radiance.mean().backward();
+            assert!(albedo.grad(&gradients).is_some());
+            finish(&device).expect("a gradient");
+            proxy.take()
+        });
+        steps[1]
+    });
+    println!("a second step with 2 copies: {one} bytes, with 50: {many}");
+    assert!(many < one + 100, "{one} bytes, then {many}");
 }

@@ -3,6 +3,7 @@
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use burn::backend::Flex;
@@ -12,7 +13,7 @@ use burn::tensor::{DType, TensorData};
 use softray::burn;
 use softray::optim::{Evaluation, Fit, Part, Report, Step};
 use softray::prelude::*;
-use softray::remote::{connect, finish, set_time_limit};
+use softray::remote::{RenderService, ServiceLimits, connect, finish, set_time_limit};
 
 use crate::common::process::{again, alone};
 use crate::server::{Server, TOKEN};
@@ -166,7 +167,7 @@ fn a_server_of_another_version_is_an_error() {
     let (_, scene, camera) = ball(&device);
     says(
         render(&scene, &camera, &options()),
-        &["version 77", "this program 1"],
+        &["version 77", "this program 2"],
     );
 }
 
@@ -266,6 +267,14 @@ fn a_fit_resumes_in_a_new_process() {
     }
 }
 
+/// Sends a signal to a server.
+fn signal(server: &Server, name: &str) {
+    let id = server.child.id().to_string();
+    let sent = Command::new("kill").args([name, &id]).status();
+    assert!(sent.expect("kill").success());
+}
+
+/// A server that goes on is used again in the same session.
 #[test]
 fn a_server_that_hangs_is_an_error() {
     if !alone(a_server_that_hangs_is_an_error) {
@@ -274,15 +283,75 @@ fn a_server_that_hangs_is_an_error() {
     let server = Server::start();
     let device = server.device();
     let (_, scene, camera) = ball(&device);
-    render(&scene, &camera, &options()).expect("an image");
+    let image = || render(&scene, &camera, &options());
+    let before = image().expect("an image").radiance.inner().into_data();
     set_time_limit(Duration::from_secs(1));
-    let id = server.child.id().to_string();
-    let stopped = Command::new("kill").args(["-STOP", &id]).status();
-    assert!(stopped.expect("kill").success());
-    says(
-        render(&scene, &camera, &options()),
-        &["within 1 s", "set_time_limit"],
-    );
+    signal(&server, "-STOP");
+    says(image(), &["within 1 s", "set_time_limit"]);
+    signal(&server, "-CONT");
+    set_time_limit(Duration::from_secs(60));
+    let after = image().expect("an image").radiance.inner().into_data();
+    assert_eq!(before, after);
+}
+
+/// Whether the logger of this program panics at a warning, as a part of softray or burn might.
+static PANICS: AtomicBool = AtomicBool::new(false);
+
+struct Logger;
+
+impl log::Log for Logger {
+    /// A warning that is not logged is repeated.
+    fn enabled(&self, _: &log::Metadata<'_>) -> bool {
+        PANICS.load(Ordering::SeqCst)
+    }
+    fn log(&self, record: &log::Record<'_>) {
+        let warning = record.args().to_string().contains("nothing of the scene");
+        assert!(!(warning && self.enabled(record.metadata())), "no room");
+    }
+    fn flush(&self) {}
+}
+
+/// The session goes on after a panic in a render and in a gradient, whose error the next call returns.
+#[test]
+fn a_panic_is_an_error() {
+    if !alone(a_panic_is_an_error) {
+        return;
+    }
+    log::set_logger(&Logger).expect("the only logger");
+    log::set_max_level(log::LevelFilter::Warn);
+    let mut limits = ServiceLimits::default();
+    limits.kept = 1;
+    let server = RemoteServer::new([Device::flex()]);
+    let server = RenderService::new(limits).add_to(server, &Device::flex());
+    let device = serve(server.expect("a server"));
+    let (vertices, scene, camera) = ball(&device);
+    // The server warns once of each distance: the ball is behind the camera.
+    let turned = |distance: f64| Camera::look_at([0.0, 0.0, distance], [0.0, 0.0, 20.0]);
+    let parts = ["ws://", "in the program", "no room"];
+    PANICS.store(true, Ordering::SeqCst);
+    says(render(&scene, &turned(3.0), &options()), &parts);
+    PANICS.store(false, Ordering::SeqCst);
+    let image = |camera: &Camera| render(&scene, camera, &options()).expect("an image");
+    // The second render drops the first forward pass, which the gradient repeats with its warning.
+    let failed_gradient = |distance: f64| {
+        let [first, _] = [image(&turned(distance)), image(&camera)];
+        PANICS.store(true, Ordering::SeqCst);
+        let gradients = first.radiance.mean().backward();
+        let gradient = vertices.grad(&gradients).expect("a gradient").into_data();
+        PANICS.store(false, Ordering::SeqCst);
+        assert_eq!(gradient.shape().to_vec(), [42, 3]);
+        assert!(gradient.iter::<f32>().all(f32::is_nan));
+    };
+    failed_gradient(4.0);
+    says(render(&scene, &camera, &options()), &parts);
+    image(&camera);
+    failed_gradient(5.0);
+    says(finish(&device), &parts);
+    finish(&device).expect("no more gradients");
+    let gradients = image(&camera).radiance.mean().backward();
+    let gradient = vertices.grad(&gradients).expect("a gradient").into_data();
+    assert!(gradient.iter::<f32>().all(f32::is_finite));
+    finish(&device).expect("a gradient");
 }
 
 #[test]

@@ -48,11 +48,13 @@ fn views() -> Vec<f64> {
     (0..4).map(|i| 90.0 * f64::from(i)).collect()
 }
 
-fn fitted(devices: &[Device]) -> Vec<f32> {
+/// Fits with a share of the views for each device.
+fn fitted(devices: &[Device], weights: &[f64]) -> Vec<f32> {
     let (module, views) = (Offsets::new(&Device::flex()), views());
     let fit = Fit::new(module, AdamConfig::new().init(), STEPS).with_progress(false);
     let fitted = fit.run_over(devices, |module: &Offsets, _, part: &Part| {
-        let loss = module.loss(part.of(&views).as_slice(), &part.device)?;
+        let share = part.weighted(&views, weights)?;
+        let loss = module.loss(share.as_slice(), &part.device)?;
         Ok(Evaluation::new(loss * (views.len() as f64).recip()))
     });
     fitted.expect("a fit").module.values()
@@ -68,12 +70,49 @@ fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
 
 #[test]
 fn a_fit_over_two_servers_is_that_of_one_device() {
-    let one = fitted(&[Device::flex()]);
+    let one = fitted(&[Device::flex()], &[1.0]);
     let both = SERVERS.each_ref().map(Server::device);
-    let two = fitted(&both);
-    assert_eq!(two, fitted(&both));
-    let far = largest_difference(&one, &two);
-    assert!(far < 1e-5, "{far}");
+    for weights in [[1.0, 1.0], [3.0, 1.0]] {
+        let two = fitted(&both, &weights);
+        assert_eq!(two, fitted(&both, &weights));
+        let far = largest_difference(&one, &two);
+        assert!(far < 1e-5, "{far}");
+    }
+}
+
+#[test]
+fn shares_of_views() {
+    let share = |weights: &[f64], index| {
+        let (device, count) = (Device::flex(), 3);
+        let part = Part {
+            device,
+            index,
+            count,
+        };
+        let views = [0, 1, 2, 3, 4, 5, 6];
+        Ok::<_, softray::Error>(part.weighted(&views, weights)?.copied().collect::<Vec<_>>())
+    };
+    let all = |weights: [f64; 3]| [0, 1, 2].map(|i| share(&weights, i).expect("weights"));
+    assert_eq!(
+        all([4.0, 2.0, 1.0]),
+        [vec![0, 1, 2, 3], vec![4, 5], vec![6]]
+    );
+    assert_eq!(
+        all([0.0, 1.0, 0.0]),
+        [vec![], vec![0, 1, 2, 3, 4, 5, 6], vec![]]
+    );
+    for weights in [
+        &[1.0, 1.0][..],
+        &[0.0; 3],
+        &[1.0, -1.0, 1.0],
+        &[f64::NAN; 3],
+    ] {
+        let said = share(weights, 0).expect_err("no weights").to_string();
+        assert!(
+            said.contains("weights is") && said.contains("3 numbers"),
+            "{said}"
+        );
+    }
 }
 
 /// burn's Learner.

@@ -30,6 +30,41 @@ impl Part {
         let begin = |index: usize| all.len() * index / self.count;
         all[begin(self.index)..begin(self.index + 1)].iter()
     }
+
+    /// Returns this part's share of a list for devices of different speed: consecutive items, whose number is in
+    /// proportion to the weight of the part's device, rounded. A weight is a speed in any unit.
+    ///
+    /// ```
+    /// use softray::optim::Part;
+    /// use softray::prelude::*;
+    ///
+    /// let views = [0, 1, 2, 3, 4, 5, 6];
+    /// let part = |index| Part { device: Device::flex(), index, count: 2 };
+    /// assert_eq!(part(0).weighted(&views, &[3.0, 1.0])?.as_slice(), [0, 1, 2, 3, 4]);
+    /// assert_eq!(part(1).weighted(&views, &[3.0, 1.0])?.as_slice(), [5, 6]);
+    /// # Ok::<(), softray::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If the weights are not one for each device, each finite and not negative with a sum above 0.
+    pub fn weighted<'a, T>(
+        &self,
+        all: &'a [T],
+        weights: &[f64],
+    ) -> Result<std::slice::Iter<'a, T>> {
+        let sum: f64 = weights.iter().sum();
+        let valid = weights.iter().all(|&w| w >= 0.0) && sum > 0.0 && sum.is_finite();
+        if weights.len() != self.count || !valid {
+            let expected = format!("{} numbers, not all of them 0", self.count);
+            let found = format!("{weights:?}");
+            return Err(Error::invalid("part of a step", "weights", found, expected));
+        }
+        let begin = |index: usize| {
+            let before: f64 = weights[..index].iter().sum();
+            (all.len() as f64 * before / sum).round() as usize
+        };
+        Ok(all[begin(self.index)..begin(self.index + 1)].iter())
+    }
 }
 
 /// Evaluates all parts of a step, and sums their losses and gradients.

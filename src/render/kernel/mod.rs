@@ -166,7 +166,7 @@ pub(super) fn render(
                 Derivative::Host(Box::new(move |upstream| backward.gradient(upstream)))
             }
         };
-        mean = attach(parent, mean, derivative);
+        mean = attach(parent.into_dispatch(), mean, derivative);
     }
     Ok(Means {
         mean,

@@ -20,11 +20,6 @@ impl<K: PartialEq, V: Clone> Bounded<K, V> {
         }
     }
 
-    #[cfg(feature = "remote-server")]
-    pub fn limit(&self) -> usize {
-        self.limit
-    }
-
     pub fn get(&mut self, key: &K) -> Option<V> {
         let entry = self.take(key)?;
         let value = entry.1.clone();

@@ -1,125 +1,96 @@
 //! What clients and servers send to each other.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use burn::backend::DispatchTensor;
-use burn::tensor::{Device, Tensor};
+use burn::backend::ir::ScalarIr;
+use burn::tensor::Tensor;
 use serde::{Deserialize, Serialize};
 
-use super::words::{Hash, decode, encode, malformed, pack, unpack};
+use super::words::{Hash, decode, malformed, unpack};
 use crate::error::{Error, Result};
 use crate::render::batch::Batch;
 use crate::render::film::Statistics;
 use crate::render::options::RenderOptions;
-use crate::scene::slots::{self, Read, Topology, Written};
+use crate::scene::slots::{self, Read, Topology};
 use crate::scene::{Camera, Normalization, Scene};
 use crate::tensors::Diagnostics;
 
 /// The operations. A server that lacks one ends the session, so that the first is called before the others.
-pub(crate) const VERSION: &str = "softray::version";
+///
+/// `STATE` returns the server's version, and what failed.
+pub(crate) const STATE: &str = "softray::version";
 pub(crate) const RENDER: &str = "softray::render";
 pub(crate) const GRADIENT: &str = "softray::gradient";
 
 /// The version of these messages. It changes with them, and with the fields of a scene.
-pub(crate) const PROTOCOL: u32 = 1;
+pub(crate) const PROTOCOL: u32 = 2;
 
-/// The inputs of both operations before the scene's tensors: a [`Call`], a [`Topology`], scenes, and views. The gradient
+/// The inputs of a render and its gradient before the scene's tensors: a [`Topology`], scenes, and views. The gradient
 /// of the loss with respect to the rows stands last.
-pub(crate) const INPUTS: usize = 4;
+pub(crate) const INPUTS: usize = 3;
 
-/// The number of words of a message about an error.
+/// The number of words of the server's version and a [`Failure`].
 pub(crate) const MESSAGE: usize = 512;
 
-/// What differs between the steps of a fit.
-#[derive(Serialize, Deserialize)]
+/// Names a render, its gradient, or their failure.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Call {
-    /// A random number of the client's that names the render for its gradient.
-    pub id: u64,
-    pub topology: Hash,
-    pub seed: u64,
+    /// A random number that names the client.
+    pub client: u64,
+    /// The number of the client's render, from 1. 0 stands for all gradients, whose failures are looked up later.
+    pub number: u64,
+}
+
+impl Call {
+    /// The client's gradients.
+    pub fn gradients(self) -> Self {
+        Self { number: 0, ..self }
+    }
+
+    /// The scalars of an operation. A render has a seed.
+    pub fn scalars(self, seed: u64) -> Vec<ScalarIr> {
+        [self.client, self.number, seed]
+            .map(ScalarIr::UInt)
+            .to_vec()
+    }
+
+    /// The call and the seed of an operation's scalars.
+    pub fn of_scalars(scalars: &[ScalarIr]) -> Option<(Self, u64)> {
+        match *scalars {
+            [
+                ScalarIr::UInt(client),
+                ScalarIr::UInt(number),
+                ScalarIr::UInt(seed),
+            ] => Some((Self { client, number }, seed)),
+            _ => None,
+        }
+    }
+}
+
+/// The scenes of a batch. The distinct ones follow in the same bytes, after the hash of the topology and this.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Scenes {
+    pub distinct: usize,
+    pub of_batch: Vec<u32>,
+    pub vertices: Vec<(String, Vertices)>,
+}
+
+#[derive(Serialize, Deserialize)]
+pub(super) struct Vertices(#[serde(with = "slots::tensor")] pub Tensor<3>);
+
+/// What changes more often than the scenes.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Views {
+    pub views: Vec<(usize, Camera)>,
+    pub pixels: Option<Vec<u32>>,
+    /// With the seed 0.
+    pub options: RenderOptions,
     /// The client's cache.
     pub cache: Option<u64>,
     pub quiet: bool,
     pub normalization: Option<Normalization>,
-}
-
-/// The scenes of a batch. The distinct ones follow in the same bytes.
-#[derive(Serialize, Deserialize)]
-struct Scenes {
-    distinct: usize,
-    of_batch: Vec<u32>,
-    options: RenderOptions,
-    vertices: Vec<(String, Vertices)>,
-}
-
-#[derive(Serialize, Deserialize)]
-struct Vertices(#[serde(with = "slots::tensor")] Tensor<3>);
-
-#[derive(Serialize, Deserialize)]
-struct Views {
-    views: Vec<(usize, Camera)>,
-    pixels: Option<Vec<u32>>,
-}
-
-/// A batch as words and tensors.
-pub(super) struct Sending {
-    pub call: Vec<u32>,
-    /// The topology, scenes and views.
-    pub parts: [Vec<u32>; INPUTS - 1],
-    pub written: Written,
-}
-
-/// Returns the messages for a batch on a remote device.
-pub(super) fn send(
-    batch: &Batch,
-    options: &RenderOptions,
-    pixels: Option<&Vec<u32>>,
-    device: &Device,
-    id: u64,
-) -> Result<Sending> {
-    let parts = || -> Result<[Vec<u8>; 2]> {
-        let mut distinct: Vec<Vec<u8>> = Vec::new();
-        let mut of_batch = Vec::with_capacity(batch.scenes.len());
-        for scene in &batch.scenes {
-            let bytes = encode(scene)?;
-            // Most batches have scenes that all differ, or are all the same.
-            let known = distinct.last().is_some_and(|last| *last == bytes);
-            if !known {
-                distinct.push(bytes);
-            }
-            of_batch.push(distinct.len() as u32 - 1);
-        }
-        let vertices = batch.vertices.iter();
-        let vertices = vertices.map(|(name, values)| (name.clone(), Vertices(values.clone())));
-        let mut scenes = encode(&Scenes {
-            distinct: distinct.len(),
-            of_batch,
-            options: options.clone().with_seed(0),
-            vertices: vertices.collect(),
-        })?;
-        distinct.iter().for_each(|bytes| scenes.extend(bytes));
-        let views = Views {
-            views: batch.views.clone(),
-            pixels: pixels.cloned(),
-        };
-        Ok([scenes, encode(&views)?])
-    };
-    let (parts, written) = slots::write(device, parts);
-    let [scenes, views] = parts?;
-    let topology = written.topology.words();
-    let call = Call {
-        id,
-        topology: super::words::hash(&topology),
-        seed: options.seed,
-        cache: options.cache.as_ref().map(|cache| cache.id()),
-        quiet: options.quiet,
-        normalization: options.normalization(),
-    };
-    Ok(Sending {
-        call: pack(&encode(&call)?),
-        parts: [topology, pack(&scenes), pack(&views)],
-        written,
-    })
 }
 
 /// A batch that was received.
@@ -129,52 +100,53 @@ pub(crate) struct Received {
     pub pixels: Option<Arc<Vec<u32>>>,
     /// Leaf tensors in place of the client's tracked tensors, in their order.
     pub leaves: Vec<Tensor<1>>,
+    /// The client's cache, which the options lack.
+    pub cache: Option<u64>,
 }
 
-/// Makes the batch of a message. `options` of the result have no cache yet.
+/// Makes the batch of a message. `topology` returns the lists with a hash.
 pub(crate) fn receive(
-    call: &Call,
-    topology: Arc<Topology>,
+    seed: u64,
+    topology: impl FnOnce(&Hash) -> Result<Arc<Topology>>,
     [scenes, views]: [&[u32]; 2],
     tensors: Vec<DispatchTensor>,
 ) -> Result<Received> {
+    let bytes = unpack(scenes).ok_or_else(|| malformed("too short"))?;
+    let mut decoder = rmp_serde::Deserializer::from_read_ref(&bytes[..]);
+    let hash = Hash::deserialize(&mut decoder).map_err(malformed)?;
     let read = Read {
-        topology,
+        topology: topology(&hash)?,
         tensors,
-        leaves: Vec::new(),
+        leaves: BTreeMap::new(),
     };
     let parts = || -> Result<(Scenes, Vec<Scene>, Views)> {
-        let bytes = unpack(scenes).ok_or_else(|| malformed("too short"))?;
-        let mut decoder = rmp_serde::Deserializer::from_read_ref(&bytes[..]);
         let head = Scenes::deserialize(&mut decoder).map_err(malformed)?;
         let each = (0..head.distinct).map(|_| Scene::deserialize(&mut decoder).map_err(malformed));
         let distinct = each.collect::<Result<Vec<_>>>()?;
         Ok((head, distinct, decode(views)?))
     };
-    let (parts, mut read) = slots::read(read, parts);
-    let (head, distinct, Views { views, pixels }) = parts?;
+    let (parts, read) = slots::read(read, parts);
+    let (head, distinct, views) = parts?;
     let scene = |&i: &u32| distinct.get(i as usize).cloned();
     let scenes: Option<Vec<Scene>> = head.of_batch.iter().map(scene).collect();
-    let mut batch = Batch::views(
-        scenes.ok_or_else(|| malformed("a scene is missing"))?,
-        views,
-    )?;
+    let scenes = scenes.ok_or_else(|| malformed("a scene is missing"))?;
+    let mut batch = Batch::views(scenes, views.views)?;
     for (name, Vertices(values)) in head.vertices {
         batch = batch.with_vertices(name, values)?;
     }
-    let mut options = head.options.with_seed(call.seed);
-    if let Some(normalization) = call.normalization {
+    let mut options = views.options.with_seed(seed);
+    if let Some(normalization) = views.normalization {
         options = options.normalization_or(normalization);
     }
-    if call.quiet {
+    if views.quiet {
         options = options.quietly();
     }
-    read.leaves.sort_by_key(|leaf| leaf.0);
     Ok(Received {
         batch,
         options,
-        pixels: pixels.map(Arc::new),
-        leaves: read.leaves.into_iter().map(|leaf| leaf.1).collect(),
+        pixels: views.pixels.map(Arc::new),
+        leaves: read.leaves.into_values().collect(),
+        cache: views.cache,
     })
 }
 

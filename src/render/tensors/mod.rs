@@ -103,7 +103,7 @@ fn render_view(
             tiles: replayed,
         };
         let derivative = Derivative::Host(Box::new(move |upstream| replay.gradient(upstream)));
-        traced.rows = attach(parameters, traced.rows, derivative);
+        traced.rows = attach(parameters.into_dispatch(), traced.rows, derivative);
     }
     Ok((flattened.objects(), traced))
 }
