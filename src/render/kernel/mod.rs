@@ -23,6 +23,7 @@ use crate::scene::{Camera, ParameterId, Scene};
 use crate::tensors::Diagnostics;
 use crate::warnings::warning;
 use backward::Backward;
+pub(super) use prepare::copy;
 use prepare::{Places, Prepared, prepare};
 use rows::Rows;
 use trace::{Jobs, Pass};
