@@ -82,10 +82,17 @@ pub(crate) fn select<T>(condition: bool, a: T, b: T) -> T {
     if condition { a } else { b }
 }
 
-/// The expansion of `select` in kernels.
-#[cfg(feature = "gpu")]
-pub(crate) mod select {
-    pub(crate) use burn::cubecl::prelude::select::expand;
+/// Returns the larger number; `b` if one of them is NaN. It is one instruction everywhere, and in vectors: `f32::max` has
+/// a rule of its own for NaN, and is a call of a function on WebAssembly, which keeps loops from being vectorized.
+#[inline(always)]
+pub(crate) fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// Returns the smaller number; `b` if one of them is NaN.
+#[inline(always)]
+pub(crate) fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }
 
 /// Returns `count`, the number of repetitions of a loop. Compilers of kernels do not know it, so they do not unroll the
@@ -94,6 +101,25 @@ pub(crate) mod select {
 pub(crate) const fn repeated(count: usize, _small: u32) -> usize {
     count
 }
+
+/// The expansions of these functions in kernels.
+#[cfg(feature = "gpu")]
+mod expansions {
+    use burn::cubecl::prelude;
+
+    macro_rules! expansions {
+        ($($name:ident),*) => {
+            $(
+                pub(crate) mod $name {
+                    pub(crate) use super::prelude::$name::expand;
+                }
+            )*
+        };
+    }
+    expansions!(max, min, select);
+}
+#[cfg(feature = "gpu")]
+pub(crate) use expansions::{max, min, select};
 
 /// The expansion of `repeated` in kernels.
 #[cfg(feature = "gpu")]

@@ -107,8 +107,8 @@ pub mod prelude {
     pub use crate::render::{
         Batch, Diagnostics, EmitterSampling, Engine, HierarchyCache, Image, ImageBatch,
         ImageDerivative, Program, RenderOptions, Sampling, Sequence, SoftmaxOptions, Statistics,
-        SurfaceSampling, Tangent, Visibility, overview, render, render_batch, render_derivative,
-        render_pixels,
+        SurfaceSampling, Tangent, Visibility, overview, render, render_async, render_batch,
+        render_derivative, render_pixels,
     };
     pub use crate::scene::{
         Bounds, Bsdf, Camera, ColorTexture, Environment, Light, Material, Mesh, Object, Parameter,

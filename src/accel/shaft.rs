@@ -3,6 +3,7 @@
 use super::rays::{Hit, NOTHING, Rays8};
 use super::simd::{F8, LANES, Lanes, Machine, each_of_three};
 use super::wide::{Boxes, Node, Visitor, Wide, displaced};
+use crate::cube::{max, min};
 
 /// The smallest component of directions along the axis of a shaft.
 const ALONG: f32 = 0.3;
@@ -94,11 +95,11 @@ impl<M: Machine> Shaft<M> {
                 let slope = |r: &Rays8| load(&r.direction[axes[k]]).div(along(r));
                 let [low, high] = bounds(machine, rays, slope);
                 let spread = high - low;
-                if spread > SPREAD || spread.mul_add(last.min(FAR), apart) > APART * grain {
+                if spread > SPREAD || spread * min(last, FAR) + apart > APART * grain {
                     return None;
                 }
                 // Slopes are rounded, and so are the values computed from them.
-                let rounding = 1e-6 * (1.0 + low.abs().max(high.abs()));
+                let rounding = 1e-6 * (1.0 + max(low.abs(), high.abs()));
                 slopes[k - 1] = [low - rounding, high + rounding];
             }
             k += 1;

@@ -6,13 +6,15 @@ pub(crate) mod remote;
 mod tests;
 mod work;
 
-#[cfg(feature = "wgpu")]
+#[cfg(all(feature = "wgpu", not(target_family = "wasm")))]
 use std::sync::{Mutex, PoisonError};
 
 use burn::backend::DispatchDevice;
 use burn::tensor::Device;
 #[cfg(feature = "wgpu")]
-use burn::tensor::wgpu::{WgpuBackend, WgpuInitError};
+use burn::tensor::wgpu::WgpuBackend;
+#[cfg(all(feature = "wgpu", not(target_family = "wasm")))]
+use burn::tensor::wgpu::WgpuInitError;
 
 use crate::error::{Error, Result};
 pub use work::{Stage, Work, stages_of, work};
@@ -230,8 +232,16 @@ pub(crate) fn label(device: &Device) -> String {
     cpu(device).map_or_else(inner, str::to_owned)
 }
 
+/// A page may not wait for a GPU.
+#[cfg(all(feature = "wgpu", target_family = "wasm"))]
+fn on_gpu(name: &str, _: burn::tensor::DeviceKind, _: WgpuBackend) -> Result<Device> {
+    let message =
+        "a web page waits for its GPU by await, as in Device::wgpu_options().init_async().await?";
+    Err(Error::device(name, message))
+}
+
 /// Initializes a wgpu device and returns it.
-#[cfg(feature = "wgpu")]
+#[cfg(all(feature = "wgpu", not(target_family = "wasm")))]
 fn on_gpu(name: &str, kind: burn::tensor::DeviceKind, api: WgpuBackend) -> Result<Device> {
     static STARTED: Mutex<Vec<Device>> = Mutex::new(Vec::new());
     let device = match api {

@@ -1,8 +1,11 @@
 //! The device and float type of a render, and copies of values to and from the host.
 
+use std::pin::pin;
+use std::task;
+
 #[cfg(feature = "flex")]
 use burn::backend::{BackendTensor, DispatchTensorKind};
-use burn::tensor::{DType, Device, Int, Tensor, TensorData};
+use burn::tensor::{DType, Device, ExecutionError, Int, Tensor, TensorData};
 
 use crate::device::count_read_back;
 use crate::error::{Error, Result};
@@ -118,12 +121,30 @@ pub(crate) fn any_positive<const D: usize>(image: &Tensor<D>) -> bool {
 /// Reads the values of a float tensor back to the host.
 pub(crate) fn host_values<const D: usize>(tensor: &Tensor<D>) -> Result<Vec<f64>> {
     count_read_back(&tensor.device(), tensor.shape().num_elements());
-    let data = detached(tensor).try_into_data();
+    numbers(detached(tensor).try_into_data())
+}
+
+/// Reads values like [`host_values`], without waiting for the device.
+pub(crate) async fn host_values_async(tensor: Tensor<1>) -> Result<Vec<f64>> {
+    count_read_back(&tensor.device(), tensor.shape().num_elements());
+    numbers(detached(&tensor).into_data_async().await)
+}
+
+fn numbers(data: std::result::Result<TensorData, ExecutionError>) -> Result<Vec<f64>> {
     let data = data.map_err(Error::read)?;
     Ok(match data.as_slice::<f32>() {
         Ok(values) => values.iter().map(|&v| v.into()).collect(),
         Err(_) => data.iter::<f64>().collect(),
     })
+}
+
+/// Returns the output of a future that waits for nothing.
+pub(crate) fn now<T>(future: impl Future<Output = T>) -> T {
+    let waker = &mut task::Context::from_waker(task::Waker::noop());
+    match pin!(future).poll(waker) {
+        task::Poll::Ready(output) => output,
+        task::Poll::Pending => unreachable!("it waits for nothing"),
+    }
 }
 
 /// Computes sine and cosine to rounding on every device. Vulkan allows its instructions an absolute error of 2⁻¹¹,

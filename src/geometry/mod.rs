@@ -9,7 +9,8 @@ mod triangles;
 mod vec3;
 
 pub(crate) use context::{
-    Context, any_positive, by_rows, detached, first_outside, host_values, place_of, sin_cos,
+    Context, any_positive, by_rows, detached, first_outside, host_values, host_values_async, now,
+    place_of, sin_cos,
 };
 pub(crate) use topology::{Neighbors, Topology, Weld};
 pub(crate) use triangles::{Nearest, Triangles, VertexData, nearest_on_triangle};

@@ -69,7 +69,7 @@ impl Uniform {
     /// Returns the remainder of the number, given that it lies in a part of its range.
     #[inline(always)]
     pub fn within(self, from: f32, share: f32) -> Self {
-        let mut number = ((self.number - from) / share.max(1e-30)).min(MAX_UNIFORM);
+        let mut number = min((self.number - from) / max(share, 1e-30), MAX_UNIFORM);
         let mut left = self.left * share;
         let mut key = self.key;
         // A branch, since decisions follow each other and few take it.
@@ -86,7 +86,7 @@ impl Uniform {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn survival(throughput: V3) -> f32 {
-    throughput.max_element().max(0.05).min(1.0)
+    min(max(throughput.max_element(), 0.05), 1.0)
 }
 
 #[cfg(test)]

@@ -40,7 +40,7 @@ pub(crate) fn bend(axis: V3, normal: V3, tangent: f32, u: f32, v: f32) -> Bend {
         direction = (axis + offset).normalize();
         let along = direction.dot(normal);
         mirrored = along < 0.0;
-        direction -= normal * (2.0 * along.min(0.0));
+        direction -= normal * (2.0 * min(along, 0.0));
     }
     Bend {
         offset,

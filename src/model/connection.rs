@@ -105,7 +105,7 @@ impl Target {
             normal,
             distant: false.runtime(),
             radiance: splat(0.0),
-            angle: seen.solid_angle(area).max(0.0),
+            angle: max(seen.solid_angle(area), 0.0),
             combined: false.runtime(),
         }
     }

@@ -10,7 +10,7 @@ use crate::cube::*;
 #[inline(always)]
 fn size(t: &Triangle) -> f32 {
     let a = t.a.abs().max_element();
-    a.max(t.b.abs().max_element()).max(t.c.abs().max_element())
+    max(max(a, t.b.abs().max_element()), t.c.abs().max_element())
 }
 
 /// A segment of a line, with the coordinates of its ends along that line.
@@ -55,8 +55,8 @@ fn through_plane(t: &Triangle, of: &Triangle, along: V3, tolerance: f32) -> Segm
     let at_a = of.normal.dot(t.a - of.a);
     let at_b = of.normal.dot(t.b - of.a);
     let at_c = of.normal.dot(t.c - of.a);
-    let low = at_a.min(at_b).min(at_c);
-    let high = at_a.max(at_b).max(at_c);
+    let low = min(min(at_a, at_b), at_c);
+    let high = max(max(at_a, at_b), at_c);
     if low <= -tolerance && high >= tolerance {
         found.pass(t.a, t.b, at_a, at_b, along);
         found.pass(t.b, t.c, at_b, at_c, along);
@@ -85,7 +85,7 @@ pub(crate) struct Line {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn line_of_crossing(t: &Triangle, s: &Triangle) -> Line {
-    let tolerance = TOUCHING * size(t).max(size(s)).max(0.1);
+    let tolerance = TOUCHING * max(max(size(t), size(s)), 0.1);
     let along = t.normal.cross(s.normal);
     let of_second: Segment = through_plane(s, t, along, tolerance);
     let of_first: Segment = through_plane(t, s, along, tolerance);

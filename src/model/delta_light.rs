@@ -152,8 +152,8 @@ impl DeltaLight {
     /// light.
     #[inline(always)]
     fn within(&self, cosine: f32) -> f32 {
-        let width = (self.cos_inner - self.cos_outer).max(NARROW);
-        ((cosine - self.cos_outer) / width).max(0.0).min(1.0)
+        let width = max(self.cos_inner - self.cos_outer, NARROW);
+        min(max((cosine - self.cos_outer) / width, 0.0), 1.0)
     }
 
     /// Returns the light as seen from a point.
@@ -164,7 +164,7 @@ impl DeltaLight {
         let mut scale = 1.0f32;
         if self.kind != DIRECTIONAL {
             let to = self.position - x;
-            let squared = to.length_squared().max(1e-37);
+            let squared = max(to.length_squared(), 1e-37);
             distance = squared.sqrt();
             direction = to * (1.0 / distance);
             scale = 1.0 / squared;
@@ -214,7 +214,7 @@ impl DeltaLight {
                 if within > 0.0 && within < 1.0 {
                     let width = self.cos_inner - self.cos_outer;
                     let by_within = by_scale * 2.0 * within * inverse * inverse;
-                    let by_cosine = by_within / width.max(NARROW);
+                    let by_cosine = by_within / max(width, NARROW);
                     by.axis = seen.direction * (-by_cosine);
                     towards -= self.axis * by_cosine;
                     by.cos_outer = -by_cosine;

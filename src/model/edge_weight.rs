@@ -119,7 +119,7 @@ impl Query {
     fn lobe(&self, cosine: f32) -> f32 {
         let mut value = 1.0f32;
         if self.exponent != 0.0 {
-            let s = (1.0 - cosine) * (self.exponent - 1.0).max(0.0) + 1.0;
+            let s = (1.0 - cosine) * max(self.exponent - 1.0, 0.0) + 1.0;
             value = (cosine + 1e-3) / (s * s);
         }
         value
@@ -136,14 +136,14 @@ impl Subtree {
         let squared = r.length_squared();
         let distance = squared.sqrt();
         let along = r.dot(q.axis);
-        let across = (squared - along * along).max(0.0).sqrt();
+        let across = max(squared - along * along, 0.0).sqrt();
         let beside = across * q.cos - along * q.sin;
         // The angle under which the sphere is seen.
-        let sin_seen = (radius / distance.max(1e-20)).min(1.0);
-        let cos_seen = (1.0 - sin_seen * sin_seen).max(0.0).sqrt();
+        let sin_seen = min(radius / max(distance, 1e-20), 1.0);
+        let cos_seen = max(1.0 - sin_seen * sin_seen, 0.0).sqrt();
         let sin_sum = self.sin * cos_seen + self.cos * sin_seen;
         let cos_sum = self.cos * cos_seen - self.sin * sin_seen;
-        let facing = self.axis.dot(r) / distance.max(1e-20);
+        let facing = self.axis.dot(r) / max(distance, 1e-20);
         // If normals and directions spread over more than a half-space, no case can be excluded.
         let narrow = cos_sum > 0.0 && distance >= radius;
         let mut fold = self.jumps.fold / (sin_sum.abs() + 0.05);
@@ -154,11 +154,12 @@ impl Subtree {
         if narrow && sin_sum < facing && self.jumps.closed > 0.0 {
             crease = 0.0f32;
         }
-        let nearest = ((along + radius) / (distance + radius).max(TINY))
-            .max(0.0)
-            .min(1.0);
+        let nearest = min(
+            max((along + radius) / max(distance + radius, TINY), 0.0),
+            1.0,
+        );
         let jump = self.jumps.always(q) + fold + crease;
-        let mut weight = jump * q.lobe(nearest) / (squared + radius * radius).max(1e-37);
+        let mut weight = jump * q.lobe(nearest) / max(squared + radius * radius, 1e-37);
         if radius < beside {
             weight = 0.0f32;
         }
@@ -227,7 +228,7 @@ impl SeenEdge {
             jump = self.jumps.fold;
         }
         // If the point lies in the plane of a face, it sees that face edge-on.
-        if front.abs().min(back.abs()) < self.away() * 1e-6 {
+        if min(front.abs(), back.abs()) < self.away() * 1e-6 {
             jump = 0.0f32;
         }
         jump + self.jumps.always(q)
@@ -237,9 +238,9 @@ impl SeenEdge {
     fn span(&self, q: &Query) -> Span {
         let c = self.along.cross(self.to);
         let swept = c.length();
-        let length = (self.half + self.half).max(TINY);
+        let length = max(self.half + self.half, TINY);
         let line = swept / length;
-        let beyond = (self.along.dot(self.to).abs() / length - self.half).max(0.0);
+        let beyond = max(self.along.dot(self.to).abs() / length - self.half, 0.0);
         let near = (line * line + beyond * beyond).sqrt() + 1e-20;
         Span {
             c,
@@ -265,20 +266,20 @@ impl SeenEdge {
         // edge's ends.
         let sine = q.axis.dot(s.c) / (s.swept + TINY);
         let outside = a.cross(q.axis).dot(s.c) > 0.0 || q.axis.cross(b).dot(s.c) > 0.0;
-        let by_ends = cos_a.max(cos_b);
-        let chord = (q.sin * q.sin - sine * sine).max(1e-12).sqrt();
-        let part = s.angle.min(chord + chord);
+        let by_ends = max(cos_a, cos_b);
+        let chord = max(q.sin * q.sin - sine * sine, 1e-12).sqrt();
+        let part = min(s.angle, chord + chord);
         let mut by_end = far_a;
         if cos_a < cos_b {
             by_end = far_b;
         }
         let mut distance = (s.swept * s.swept) / (self.along.cross(q.axis).dot(s.c).abs() + TINY);
-        let mut cosine = (1.0 - sine * sine).max(0.0).sqrt();
+        let mut cosine = max(1.0 - sine * sine, 0.0).sqrt();
         if outside {
             cosine = by_ends;
             distance = by_end;
         }
-        let mut weight = part / (distance + TINY) * q.lobe(cosine.max(0.0));
+        let mut weight = part / (distance + TINY) * q.lobe(max(cosine, 0.0));
         if by_ends < q.cos && (outside || q.sin < sine.abs()) {
             weight = 0.0f32;
         }
@@ -290,7 +291,7 @@ impl SeenEdge {
     fn over_horizon(&self, q: &Query) -> f32 {
         let s = self.span(q);
         // The sum of the heights of both ends.
-        let height = (s.along + s.rise).max(0.0) + (s.along - s.rise).max(0.0);
+        let height = max(s.along + s.rise, 0.0) + max(s.along - s.rise, 0.0);
         let away = self.away();
         let mut lobe = 0.0f32;
         if height > 0.0 {

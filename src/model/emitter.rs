@@ -70,7 +70,7 @@ impl LightPoint {
     /// Makes the point from the vector to it and the normal of the emitter's front.
     #[inline(always)]
     pub fn new(to: V3, normal: V3) -> LightPoint {
-        let squared = to.length_squared().max(1e-37);
+        let squared = max(to.length_squared(), 1e-37);
         let distance = squared.sqrt();
         let direction = to * (1.0 / distance);
         LightPoint {
@@ -118,7 +118,7 @@ pub(crate) fn power_heuristic(a: f32, b: f32, is_b: bool) -> f32 {
     if is_b {
         own = b;
     }
-    (a * a + b * b) / own.max(1e-20)
+    (a * a + b * b) / max(own, 1e-20)
 }
 
 #[cfg(test)]

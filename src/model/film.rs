@@ -51,7 +51,7 @@ impl DrawnPiece {
         let length = to - from;
         OnSegment {
             lambda: from + length * u,
-            per_density: length * (total / self.share.max(1e-37)),
+            per_density: length * (total / max(self.share, 1e-37)),
         }
     }
 }

@@ -11,8 +11,8 @@ use crate::cube::*;
 #[inline(always)]
 pub(crate) fn disk_kernel(u: f32, v: f32) -> V2 {
     // The cumulative distribution in r is 1 − (1 − r²)³.
-    let rest = cube_root((1.0 - u).max(0.0));
-    let r = (1.0 - rest).max(0.0).sqrt();
+    let rest = cube_root(max(1.0 - u, 0.0));
+    let r = max(1.0 - rest, 0.0).sqrt();
     let turn = sin_cos_of_turns(v);
     v2(r * turn.cos, r * turn.sin)
 }
@@ -29,7 +29,7 @@ pub(crate) fn uniform_disk(u: f32, v: f32) -> V2 {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn cube_root(x: f32) -> f32 {
-    let least = x.max(1e-30);
+    let least = max(x, 1e-30);
     let mut y = f32::from_bits(least.to_bits() / 3 + 0x2a51_37a0);
     let mut i = 0;
     while i < 2 {
@@ -158,14 +158,14 @@ pub(crate) fn sample_filter(list: &[f32], table: usize, u: f32) -> f32 {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn filter_place(u: f32) -> f32 {
-    (2.0 * u.min(1.0 - u)).sqrt().sqrt() * ENTRIES as f32
+    (2.0 * min(u, 1.0 - u)).sqrt().sqrt() * ENTRIES as f32
 }
 
 /// Returns the index of the table entry before a fractional index.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn entry_before(place: f32) -> f32 {
-    place.floor().min((ENTRIES - 1) as f32)
+    min(place.floor(), (ENTRIES - 1) as f32)
 }
 
 /// Returns the two entries around a fractional index into the table, which starts at index `table` of a list.
@@ -193,8 +193,8 @@ pub(crate) fn filter_between(entries: V2, place: f32, u: f32) -> f32 {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn filter_by_radius(x: f32, radius: f32) -> f32 {
-    let low = ((x - 0.5) / radius).max(-1.0);
-    let high = ((x + 0.5) / radius).min(1.0);
+    let low = max((x - 0.5) / radius, -1.0);
+    let high = min((x + 0.5) / radius, 1.0);
     let middle = 0.5 * (low + high);
     let step = 0.387_298_35 * (high - low);
     let before = middle - step;

@@ -48,14 +48,14 @@ pub(crate) fn usual_searches(of_light: bool, samples_log: u32) -> f32 {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn mean_searches(usual: f32, counts: f32) -> f32 {
-    usual * counts.max(MIN_IMPORTANCE)
+    usual * max(counts, MIN_IMPORTANCE)
 }
 
 /// Returns the maximum number of searches by a point with this mean number.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn most_searches(mean: f32) -> u32 {
-    mean.min(MAX_SEARCHES).ceil() as u32
+    min(mean, MAX_SEARCHES).ceil() as u32
 }
 
 /// Returns the query in the cone of a group of emitters, widened by the cone of rays, or over the hemisphere if that
@@ -71,8 +71,8 @@ pub(crate) fn towards_group(
     tangent: f32,
 ) -> Query {
     let distance = to.length();
-    let sin = radius / distance.max(radius);
-    let cos = (1.0 - sin * sin).max(0.0).sqrt();
+    let sin = radius / max(distance, radius);
+    let cos = max(1.0 - sin * sin, 0.0).sqrt();
     let half = widened(SinCos { sin, cos }, tangent);
     let mut query = Query {
         x,
@@ -131,7 +131,7 @@ pub(crate) fn of_lobe(
 ) -> LobeSearch {
     let gloss = shading.gloss();
     let of_gloss = choice < gloss;
-    let mut chance = (1.0 - gloss).max(1e-20);
+    let mut chance = max(1.0 - gloss, 1e-20);
     let mut rest = (choice - gloss) / chance;
     if of_gloss {
         chance = gloss;
@@ -151,7 +151,7 @@ pub(crate) fn of_lobe(
         lobe,
         of_gloss,
         chance: chance * lobe.chance,
-        cone_u: lobe.rest.max(0.0).min(1.0),
+        cone_u: min(max(lobe.rest, 0.0), 1.0),
     }
 }
 
@@ -222,7 +222,7 @@ fn beside(position: V3) -> f32 {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn inside(position: V3, inward: V3) -> V3 {
-    let step = (beside(position) / inward.length().max(1e-37)).min(0.1);
+    let step = min(beside(position) / max(inward.length(), 1e-37), 0.1);
     position + inward * step
 }
 
@@ -252,7 +252,7 @@ pub(crate) fn farthest(a: V3, b: V3, c: V3, along: V3) -> V3 {
 #[inline(always)]
 pub(crate) fn by_crossing_plane(normal: V3, other: V3, g: V3) -> V3 {
     let cosine = normal.dot(other);
-    let dual = (normal - other * cosine) * (1.0 / (1.0 - cosine * cosine).max(1e-12));
+    let dual = (normal - other * cosine) * (1.0 / max(1.0 - cosine * cosine, 1e-12));
     normal * g.dot(dual)
 }
 

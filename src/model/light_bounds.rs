@@ -38,8 +38,8 @@ impl Axes {
         let squares = self.squares.dot(d.times(d));
         let products =
             self.products.x * d.x * d.y + self.products.y * d.x * d.z + self.products.z * d.y * d.z;
-        let square = (squares + 2.0 * products + spread).max(0.0);
-        (0.5 * (self.mean.dot(d) + square.sqrt())).max(0.0)
+        let square = max(squares + 2.0 * products + spread, 0.0);
+        max(0.5 * (self.mean.dot(d) + square.sqrt()), 0.0)
     }
 }
 
@@ -49,16 +49,16 @@ impl Sphere {
     #[inline(always)]
     pub fn irradiance(&self, x: V3, normal: V3) -> f32 {
         let to = self.center - x;
-        let squared = to.length_squared().max(1e-30);
+        let squared = max(to.length_squared(), 1e-30);
         let inverse = 1.0 / squared.sqrt();
         // The sine of the angle under which the sphere is seen.
-        let seen = (self.radius * inverse).min(1.0).max(1e-6);
+        let seen = max(min(self.radius * inverse, 1.0), 1e-6);
         let emits = self.axes.facing(to * -inverse, SPREAD * seen * seen);
         // The mean cosine over the sphere, if the horizon divides it.
         let incident = to.dot(normal) * inverse;
-        let above = (incident + seen).max(0.0);
+        let above = max(incident + seen, 0.0);
         let receives = select(incident < seen, above * above / (4.0 * seen), incident);
-        self.power * emits * receives / squared.max(INSIDE * self.radius * self.radius)
+        self.power * emits * receives / max(squared, INSIDE * self.radius * self.radius)
     }
 
     /// Returns whether a ray intersects the sphere.

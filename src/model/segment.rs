@@ -24,9 +24,9 @@ pub(crate) fn clip_linear([from, to]: [f32; 2], f: f32, g: f32) -> [f32; 2] {
     if f < 0.0 && g < 0.0 {
         [from, -1.0]
     } else if f < 0.0 {
-        [from.max(f / (f - g)), to]
+        [max(from, f / (f - g)), to]
     } else if g < 0.0 {
-        [from, to.min(f / (f - g))]
+        [from, min(to, f / (f - g))]
     } else {
         [from, to]
     }
@@ -40,10 +40,10 @@ pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Part {
     let p = a.dot(axis);
     let q = e.dot(axis);
     // Clip to the half-space in front of the plane through the apex, perpendicular to the axis.
-    let mut from = select(q > 0.0, (-p / q).max(0.0), 0.0);
+    let mut from = select(q > 0.0, max(-p / q, 0.0), 0.0);
     let level = select(p <= 0.0, -1.0f32, 1.0f32);
     let mut to = select(q > 0.0, 1.0f32, level);
-    to = select(q < 0.0, (-p / q).min(1.0), to);
+    to = select(q < 0.0, min(-p / q, 1.0), to);
     if cos > 0.0 {
         let square = cos * cos;
         let second = q * q - square * e.length_squared();
@@ -58,12 +58,12 @@ pub(crate) fn clip_to_cone(a: V3, e: V3, axis: V3, cos: f32) -> Part {
             let root = select(first < 0.0, -root, root);
             // The two roots, computed without cancellation.
             let sum = -(first + root);
-            let low = (sum / second).min(zeroth / sum);
-            let high = (sum / second).max(zeroth / sum);
+            let low = min(sum / second, zeroth / sum);
+            let high = max(sum / second, zeroth / sum);
             let least = select(second < 0.0, low, high);
             let most = select(second < 0.0, high, low);
-            from = select(second < 0.0 || q > 0.0, from.max(least), from);
-            to = select(second < 0.0 || q <= 0.0, to.min(most), to);
+            from = select(second < 0.0 || q > 0.0, max(from, least), from);
+            to = select(second < 0.0 || q <= 0.0, min(to, most), to);
         }
     }
     Part { from, to }
@@ -85,10 +85,8 @@ pub(crate) fn point_by_angle(a: V3, e: V3, part: Part, u: f32) -> OnSegment {
         let last = arc_tangent((part.to - nearest) * length / away);
         let turn = (first + (last - first) * u) * PER_TURN;
         let at = sin_cos_of_turns(turn - turn.floor());
-        let tangent = at.sin / at.cos.max(1e-8);
-        lambda = (nearest + tangent * away / length)
-            .max(part.from)
-            .min(part.to);
+        let tangent = at.sin / max(at.cos, 1e-8);
+        lambda = min(max(nearest + tangent * away / length, part.from), part.to);
         per_density = (1.0 + tangent * tangent) * away / length * (last - first);
     }
     OnSegment {

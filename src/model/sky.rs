@@ -85,7 +85,7 @@ impl Map {
     /// Turns derivatives with respect to column and row into those with respect to the direction.
     #[inline(always)]
     pub fn by_direction(&self, d: V3, by: V2) -> V3 {
-        let around = (d.x * d.x + d.z * d.z).max(1e-12);
+        let around = max(d.x * d.x + d.z * d.z, 1e-12);
         let columns = self.width as f32 / TAU;
         let rows = self.height as f32 / PI;
         v3(-d.z, 0.0, d.x) * (by.x * columns / around)
@@ -96,9 +96,9 @@ impl Map {
     #[inline(always)]
     pub fn density(&self, list: &[f32], d: V3) -> f32 {
         let place = self.place(d);
-        let x = (place.x.max(0.0) as u32).min(self.width - 1);
-        let y = (place.y.max(0.0) as u32).min(self.height - 1);
-        let sine = (1.0 - d.y * d.y).max(1e-12).sqrt();
+        let x = (max(place.x, 0.0) as u32).min(self.width - 1);
+        let y = (max(place.y, 0.0) as u32).min(self.height - 1);
+        let sine = max(1.0 - d.y * d.y, 1e-12).sqrt();
         let chance = list[(self.height + (self.height + y) * self.width + x) as usize];
         chance * (self.width * self.height) as f32 / (TAU * PI * sine)
     }
@@ -115,7 +115,7 @@ impl Map {
         let polar = (y as f32 + between(list, 0u32, y, wanted)) / self.height as f32;
         let around = sin_cos_of_turns(turn - turn.floor());
         let down = sin_cos_of_turns(0.5 * polar);
-        let sine = down.sin.max(1e-6);
+        let sine = max(down.sin, 1e-6);
         v3(sine * around.sin, down.cos, -sine * around.cos).normalize()
     }
 }
@@ -129,7 +129,7 @@ fn between(list: &[f32], first: u32, k: u32, value: f32) -> f32 {
         before = list[(first + k - 1) as usize];
     }
     let past = list[(first + k) as usize];
-    ((value - before) / (past - before)).max(0.0).min(1.0)
+    min(max((value - before) / (past - before), 0.0), 1.0)
 }
 
 /// The density with which directions to a map are sampled. The probability of a texel is proportional to its solid

@@ -140,8 +140,8 @@ impl Texture {
     pub fn cell(&self, x: f32, y: f32) -> Cell {
         let left = x.floor();
         let top = y.floor();
-        let i = left.max(-FAR).min(FAR) as i32;
-        let j = top.max(-FAR).min(FAR) as i32;
+        let i = min(max(left, -FAR), FAR) as i32;
+        let j = min(max(top, -FAR), FAR) as i32;
         let rows = self.wrap;
         let rows = select(rows == AROUND, CLAMP, rows);
         let above = self.first + wrapped(j, self.height, rows) * self.width;

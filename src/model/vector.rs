@@ -163,13 +163,13 @@ impl V3 {
     /// Returns the componentwise minimum.
     #[inline(always)]
     pub fn min(self, o: V3) -> V3 {
-        v3(self.x.min(o.x), self.y.min(o.y), self.z.min(o.z))
+        v3(min(self.x, o.x), min(self.y, o.y), min(self.z, o.z))
     }
 
     /// Returns the componentwise maximum.
     #[inline(always)]
     pub fn max(self, o: V3) -> V3 {
-        v3(self.x.max(o.x), self.y.max(o.y), self.z.max(o.z))
+        v3(max(self.x, o.x), max(self.y, o.y), max(self.z, o.z))
     }
 
     /// Returns the sum of the components.
@@ -181,7 +181,7 @@ impl V3 {
     /// Returns the largest component.
     #[inline(always)]
     pub fn max_element(self) -> f32 {
-        self.x.max(self.y).max(self.z)
+        max(max(self.x, self.y), self.z)
     }
 
     #[inline(always)]

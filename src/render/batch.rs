@@ -22,6 +22,16 @@ pub struct Batch {
     pub(super) views: Vec<(usize, Camera)>,
     /// The vertices `[S, V, 3]`, for all scenes, of the objects with a name.
     pub(super) vertices: Vec<(String, Tensor<3>)>,
+    /// Copies on the host, if they were made before the render.
+    pub(super) on_host: Option<OnHost>,
+}
+
+/// The scenes, the cameras of the views, and the vertices of a batch, with all tensors on the host.
+#[derive(Clone)]
+pub(super) struct OnHost {
+    pub scenes: Vec<Scene>,
+    pub cameras: Vec<Camera>,
+    pub vertices: Vec<Tensor<3>>,
 }
 
 impl Batch {
@@ -75,6 +85,7 @@ impl Batch {
             scenes,
             views,
             vertices: Vec::new(),
+            on_host: None,
         })
     }
 

@@ -26,6 +26,7 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
+use crate::geometry::host_values_async;
 use crate::scene::{
     Camera, Collect, Material, ParameterId, Scene, Visit, look_at_scene, visit_camera,
 };
@@ -58,6 +59,35 @@ pub(crate) use values::Values;
 /// If the scene, the camera or the options are not valid. Nothing is rendered then.
 pub fn render(scene: &Scene, camera: &Camera, options: &RenderOptions) -> Result<Image> {
     render_list(scene, camera, options, None)
+}
+
+/// Renders a scene like [`render`], without waiting for the device: reads its tensors by `await`. In a web page, which
+/// may not wait for a GPU, it replaces `render`.
+///
+/// The image is on the device of the scene, and so are its gradients. Read it by burn's
+/// [`into_data_async`](Tensor::into_data_async). Some options read the image itself, and then wait:
+/// [adaptive sampling](RenderOptions::with_adaptive), [statistics](RenderOptions::with_statistics) and
+/// [diagnostics](RenderOptions::with_diagnostics). So does [`Visibility::softmax`], which reads the scene again.
+///
+/// # Errors
+/// Like [`render`].
+pub async fn render_async(
+    scene: &Scene,
+    camera: &Camera,
+    options: &RenderOptions,
+) -> Result<Image> {
+    options.check()?;
+    let batch = Batch::views(vec![scene.clone()], vec![(0, camera.clone())])?;
+    #[cfg(feature = "remote")]
+    if batch.is_remote() {
+        return render(scene, camera, options);
+    }
+    let mut batch = batch.with_tangents().into_owned();
+    let cache = options.cache.clone().unwrap_or_default();
+    let copied = kernel::copy(&batch, &cache, host_values_async).await;
+    batch.on_host = Some(single(copied)?);
+    let (means, size) = single(tracked_means(&batch, options, None))?;
+    Ok(means.image(size, options.outputs))
 }
 
 /// Renders a list of pixels and returns them side by side as an image `[1, N, 3]`.
@@ -157,11 +187,16 @@ fn render_list(
     pixels: Option<Arc<Vec<u32>>>,
 ) -> Result<Image> {
     let batch = Batch::views(vec![scene.clone()], vec![(0, camera.clone())])?;
-    match tracked_means(&batch, options, pixels) {
-        Ok((means, size)) => Ok(means.image(size, options.outputs)),
-        Err(Error::InBatch { source, .. }) => Err(*source),
-        Err(other) => Err(other),
-    }
+    let (means, size) = single(tracked_means(&batch, options, pixels))?;
+    Ok(means.image(size, options.outputs))
+}
+
+/// Returns a result of a batch of one view; its errors name no part of the batch.
+fn single<T>(result: Result<T>) -> Result<T> {
+    result.map_err(|error| match error {
+        Error::InBatch { source, .. } => *source,
+        other => other,
+    })
 }
 
 /// Returns the rows of the listed pixels of all views, or of all pixels without a list, as a part of the graph, and the

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use burn::tensor::Tensor;
 use glam::DVec3;
 
 use super::bsdf::Channel;
@@ -13,7 +14,7 @@ use super::texture::Value;
 use super::transfer::{Constants, Transfer};
 use super::{Bounds, CornerAttribute, Holes, Parameter, Scene};
 use crate::error::Result;
-use crate::geometry::{Context, host_values};
+use crate::geometry::{Context, host_values, now};
 use crate::warnings::warning;
 
 /// A scene on the host.
@@ -103,7 +104,8 @@ impl HostScene {
             cameras: &mut [],
             more: &mut [],
         };
-        transfer.fetch(&context, &mut Constants::default(), |_| None)?;
+        let read = async |tensor: Tensor<1>| host_values(&tensor);
+        now(transfer.fetch(&context, &mut Constants::default(), |_| None, read))?;
         Self::read(&scene, context)
     }
 

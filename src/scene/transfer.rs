@@ -9,7 +9,7 @@ use super::parameters::{ParameterId, Visit, visit_camera, visit_scene};
 use super::{Camera, Scene};
 use crate::device::is_cpu;
 use crate::error::Result;
-use crate::geometry::{Context, detached, host_values};
+use crate::geometry::{Context, detached};
 
 /// Distinguishes the tensors of a device while they are alive: memory, offset in it, and length.
 pub(crate) type Identity = [u64; 3];
@@ -37,15 +37,16 @@ impl Transfer<'_> {
     /// Replaces the tensors by copies on the host, outside of their graph. Copies of tracked tensors are leaf tensors
     /// of other graphs, so that `is_tracked` stays true for checks. The tensors must be on the context's device or on
     /// the host. Constants that have an identity and were read before are not read again. Nothing happens if the
-    /// context's device is a CPU or no backend for the host is built in.
+    /// context's device is a CPU or no backend for the host is built in. `read` returns the values of a tensor.
     ///
     /// # Errors
     /// If the tensors can't be read back.
-    pub fn fetch(
+    pub async fn fetch(
         mut self,
         context: &Context,
         constants: &mut Constants,
         identity: fn(&Tensor<1>) -> Option<Identity>,
+        read: impl AsyncFnOnce(Tensor<1>) -> Result<Vec<f64>>,
     ) -> Result<()> {
         let Some(device) = host_device().filter(|_| !is_cpu(&context.device)) else {
             return Ok(());
@@ -67,7 +68,7 @@ impl Transfer<'_> {
         let new: Vec<Tensor<1>> = new.map(|(row, _)| row.tensor.clone()).collect();
         if !new.is_empty() {
             let lengths: Vec<usize> = new.iter().map(|t| t.dims()[0]).collect();
-            let mut values = &host_values(&Tensor::cat(new, 0))?[..];
+            let mut values = &read(Tensor::cat(new, 0)).await?[..];
             let rows = on_host.iter_mut().filter(|row| row.is_none());
             for (row, length) in rows.zip(lengths) {
                 let data = TensorData::new(values[..length].to_vec(), [length]);

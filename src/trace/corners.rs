@@ -213,7 +213,7 @@ pub(super) struct Facing {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn facing(sum: V3, geometric: V3) -> Facing {
-    let factor = 1.0 / sum.length().max(TINY);
+    let factor = 1.0 / max(sum.length(), TINY);
     let factor = select(sum.dot(geometric) < 0.0, -factor, factor);
     Facing {
         normal: sum * factor,

@@ -77,7 +77,7 @@ pub(crate) fn looks_for_edges(
 ) -> bool {
     // At the end of a path only the environment is visible.
     let sees = comptime!(scene.features.sees_sky || scene.features.gathers_map);
-    u < searches.min(1.0) && (of_light || bounce < scene.bounces || sees)
+    u < min(searches, 1.0) && (of_light || bounce < scene.bounces || sees)
 }
 
 /// Returns a search for an edge of the light of emitters or of reflected light, for the four uniform numbers `drawn`;
@@ -94,7 +94,7 @@ pub(crate) fn search(
     room: &mut [u32],
     sums: &Sums,
 ) -> Search {
-    let rate = o.searches.min(1.0);
+    let rate = min(o.searches, 1.0);
     let x = o.point.position;
     let shading = o.point.shading;
     let tangent = scene.settings[CONE];

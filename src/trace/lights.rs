@@ -168,7 +168,7 @@ pub(crate) fn limited(scene: &Scene, light: V3, bounce: u32) -> V3 {
         let limit = scene.settings[CLAMP];
         if bounce > 0 && largest > limit {
             // Light that overflows would become NaN.
-            limited = light.min(splat(f32::MAX)) * (limit / largest.min(f32::MAX));
+            limited = light.min(splat(f32::MAX)) * (limit / min(largest, f32::MAX));
         }
     }
     limited

@@ -6,6 +6,7 @@ use crate::common::process::alone;
 use crate::common::scenes::{diffuse, floor, lamp};
 use crate::common::tensors::{gradient, leaf, tensor, values};
 use crate::device::device;
+use burn::cubecl::future::block_on;
 use burn::tensor::{DType, Device, Tensor};
 use softray::device::work;
 use softray::prelude::*;
@@ -74,6 +75,38 @@ fn batches_are_those_of_the_host() {
         // Scenes and cameras together.
         assert_eq!(read, [1, 0]);
     }
+}
+
+/// An image whose scene is read by `await` is that of `render`, with its gradient and one transfer from the device.
+#[test]
+fn a_scene_is_read_without_waiting() {
+    if !alone(a_scene_is_read_without_waiting) {
+        return;
+    }
+    let device = device();
+    let camera = Camera::look_at([0.0, 1.0, 4.0], [0.0, 0.0, 0.0]).with_fov_y(40.0);
+    let on = |awaits: bool| {
+        let place = leaf(&[0.1, 0.0, -0.1], &device);
+        let ball = shapes::icosahedron(&device).translated(place.clone());
+        let scene = Scene::new()
+            .with_object(diffuse(ball, [0.3, 0.5, 0.6]))
+            .with_object(lamp(0.5, 2.0, [5.0, 4.0, 3.0], &device));
+        let options = RenderOptions::new(10, 8).with_samples(2).with_bounces(1);
+        let before = work();
+        let image = match awaits {
+            true => block_on(render_async(&scene, &camera, &options)),
+            false => render(&scene, &camera, &options),
+        };
+        let image = image.expect("an image");
+        let gradients = image.radiance.clone().mean().backward();
+        let read_backs = (work() - before).read_backs;
+        let by = gradient(&place, &gradients);
+        (values(&image.radiance), by, read_backs)
+    };
+    let wanted = on(false);
+    assert!(wanted.1.iter().any(|g| g.abs() > 1e-3), "{:?}", wanted.1);
+    assert_eq!(wanted.2, 1);
+    assert_eq!(on(true), wanted);
 }
 
 /// A training step has few launches, sends what it needs at once for an image and for its gradient, however many views

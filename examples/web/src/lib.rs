@@ -5,6 +5,8 @@
 mod room;
 mod search;
 mod view;
+#[cfg(feature = "webgpu")]
+mod webgpu;
 
 use softray::prelude::*;
 use wasm_bindgen::prelude::*;

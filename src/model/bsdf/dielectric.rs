@@ -50,7 +50,7 @@ pub(super) fn albedo(shading: &Shading) -> V3 {
 #[inline(always)]
 pub(super) fn gloss(shading: &Shading) -> f32 {
     let nv = shading.normal.dot(shading.incoming).abs();
-    dielectric(nv.min(1.0), shading.eta()).x.clamp(0.05, 0.5)
+    dielectric(min(nv, 1.0), shading.eta()).x.clamp(0.05, 0.5)
 }
 
 /// Returns f·cos θ.
@@ -183,7 +183,7 @@ pub(super) fn weight_backward(
         let by = FactorsGradient {
             d: 0.0,
             v: g * sum * cosine,
-            part: g * v * sum * cosine / t.part.x.max(IMPOSSIBLE),
+            part: g * v * sum * cosine / max(t.part.x, IMPOSSIBLE),
             k: 0.0,
             sum: g * v * cosine,
             cosine: g * v * sum,

@@ -76,7 +76,7 @@ pub(super) fn slant(square: f32, cosine: f32) -> f32 {
 #[inline(always)]
 pub(super) fn alpha_of(roughness: f32) -> f32 {
     let roughness = roughness_of(roughness);
-    (roughness * roughness).max(MIN_ALPHA)
+    max(roughness * roughness, MIN_ALPHA)
 }
 
 #[cfg_attr(feature = "gpu", cube)]
@@ -238,11 +238,11 @@ impl Facets {
         let inverse = 1.0 / stretched.length();
         let stretched = stretched * inverse;
         let z = 1.0 - u - u * stretched.z;
-        let sine = (1.0 - z * z).max(MIN_SQUARED_SINE).sqrt();
+        let sine = max(1.0 - z * z, MIN_SQUARED_SINE).sqrt();
         let turn = sin_cos_of_turns(v);
         let sum = stretched + v3(sine * turn.cos, sine * turn.sin, z);
-        let half = v3(self.alpha * sum.x, self.alpha * sum.y, sum.z.max(0.0));
-        let per_length = 1.0 / half.length_squared().max(TINY).sqrt();
+        let half = v3(self.alpha * sum.x, self.alpha * sum.y, max(sum.z, 0.0));
+        let per_length = 1.0 / max(half.length_squared(), TINY).sqrt();
         Drawn {
             stretched,
             inverse,
@@ -295,7 +295,7 @@ impl Facets {
         let stretched = stretched * (1.0 / stretched.length());
         let local = to_local(self.normal, half);
         let sum = v3(local.x, local.y, self.alpha * local.z);
-        let sum = sum * (1.0 / sum.length_squared().max(TINY).sqrt());
+        let sum = sum * (1.0 / max(sum.length_squared(), TINY).sqrt());
         let cap = sum * (2.0 * sum.dot(stretched)) - stretched;
         let mut turn = arc_tangent_of(cap.y, cap.x) / TAU;
         turn -= turn.floor();

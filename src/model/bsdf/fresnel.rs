@@ -10,7 +10,7 @@ const TINY: f32 = 1e-12;
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn schlick(cosine: f32) -> f32 {
-    let x = (1.0 - cosine).max(0.0);
+    let x = max(1.0 - cosine, 0.0);
     x * x * x * x * x
 }
 
@@ -18,7 +18,7 @@ pub(super) fn schlick(cosine: f32) -> f32 {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn schlick_slope(cosine: f32) -> f32 {
-    let x = (1.0 - cosine).max(0.0);
+    let x = max(1.0 - cosine, 0.0);
     -5.0f32 * x * x * x * x
 }
 
@@ -27,8 +27,8 @@ pub(super) fn schlick_slope(cosine: f32) -> f32 {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn half_angle(t0: f32, sum: f32, product: f32) -> f32 {
-    let far = (0.5 * (sum + t0)).max(0.0).sqrt();
-    let near = product * (2.0 / (sum - t0).max(TINY)).sqrt();
+    let far = max(0.5 * (sum + t0), 0.0).sqrt();
+    let near = product * (2.0 / max(sum - t0, TINY)).sqrt();
     select(t0 <= 0.0, near, far)
 }
 
@@ -45,8 +45,8 @@ pub(super) fn conductor(cosine: f32, eta: f32, k: f32) -> f32 {
     let t2 = 2.0 * a * cosine;
     let t3 = square * sum + rest * rest;
     let t4 = t2 * rest;
-    let across = (t1 - t2) / (t1 + t2).max(TINY);
-    let ratio = (t3 - t4) / (t3 + t4).max(TINY);
+    let across = (t1 - t2) / max(t1 + t2, TINY);
+    let ratio = (t3 - t4) / max(t3 + t4, TINY);
     0.5 * across * (1.0 + ratio)
 }
 
@@ -64,8 +64,8 @@ pub(super) fn conductor_slopes(cosine: f32, eta: f32, k: f32) -> V3 {
     let t2 = 2.0 * a * cosine;
     let t3 = square * sum + rest * rest;
     let t4 = t2 * rest;
-    let of_across = (t1 + t2).max(TINY);
-    let of_ratio = (t3 + t4).max(TINY);
+    let of_across = max(t1 + t2, TINY);
+    let of_ratio = max(t3 + t4, TINY);
     let across = (t1 - t2) / of_across;
     let by_across = 0.5 * (1.0 + (t3 - t4) / of_ratio);
     let by_t3 = across * t4 / (of_ratio * of_ratio);
@@ -77,16 +77,16 @@ pub(super) fn conductor_slopes(cosine: f32, eta: f32, k: f32) -> V3 {
     let mut by_t0 = 0.0f32;
     let mut by_product = 0.0f32;
     if t0 > 0.0 {
-        let by_half = 0.25 * by_a / a.max(TINY);
+        let by_half = 0.25 * by_a / max(a, TINY);
         by_sum += by_half;
         by_t0 = by_half;
     } else {
-        let inverse = 1.0 / (sum - t0).max(TINY);
+        let inverse = 1.0 / max(sum - t0, TINY);
         by_sum -= 0.5 * by_a * a * inverse;
         by_t0 = 0.5 * by_a * a * inverse;
         by_product = by_a * (2.0 * inverse).sqrt();
     }
-    let by_sum = by_sum / sum.max(TINY);
+    let by_sum = by_sum / max(sum, TINY);
     by_t0 += by_sum * t0;
     by_product += 4.0 * by_sum * product;
     let by_rest = by_t4 * t2 + 2.0 * by_t3 * rest - by_t0;
@@ -107,7 +107,7 @@ pub(super) fn dielectric(cosine: f32, eta: f32) -> V3 {
     let square = (1.0 - cosine * cosine) * inverse;
     let mut r = v3(1.0, 0.0, 0.0);
     if square < 1.0 {
-        let passed = (1.0 - square).max(TINY).sqrt();
+        let passed = max(1.0 - square, TINY).sqrt();
         let of_p = eta * cosine + passed;
         let of_s = cosine + eta * passed;
         let p = (eta * cosine - passed) / of_p;

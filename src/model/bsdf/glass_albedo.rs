@@ -261,12 +261,12 @@ pub(crate) fn given_back(cosine: f32, alpha: f32, eta: f32) -> Fit {
         );
     } else {
         // Blend the two fits by x² (3 − 2 x).
-        let x = ((index - FAINT) * BLEND).max(0.0).min(1.0);
+        let x = min(max((index - FAINT) * BLEND, 0.0), 1.0);
         let share = x * x * (3.0 - 2.0 * x);
         let by_share = 6.0 * x * (1.0 - x) * BLEND;
         let mut faint = found;
         if share < 1.0 {
-            let c = cosine.max(MIN_COSINE);
+            let c = max(cosine, MIN_COSINE);
             let t = 2.0 * c / (c + alpha) - 1.0;
             let root = critical.sqrt();
             let lost = leaving_faintly(t, r, (root - 0.51) * SPEED_FAINT);

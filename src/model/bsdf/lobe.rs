@@ -62,11 +62,11 @@ impl Lobe {
     #[inline(always)]
     pub(super) fn narrow(&mut self, cos: f32, tangent: f32) {
         let half = SinCos {
-            sin: (1.0 - cos * cos).max(0.0).sqrt(),
+            sin: max(1.0 - cos * cos, 0.0).sqrt(),
             cos,
         };
-        self.cos = widened(half, tangent).cos.max(0.0);
-        self.sin = (1.0 - self.cos * self.cos).max(0.0).sqrt();
+        self.cos = max(widened(half, tangent).cos, 0.0);
+        self.sin = max(1.0 - self.cos * self.cos, 0.0).sqrt();
     }
 
     /// Selects a part of the microfacet lobe. `core` is the direction for a smooth surface, and directions turn

@@ -118,7 +118,7 @@ pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
     let gloss = gloss(shading);
     let f = shading.facets_about(normal);
     let facets = 0.25 * f.visible(f.view + outgoing);
-    let below = normal.dot(outgoing).max(0.0) * FRAC_1_PI;
+    let below = max(normal.dot(outgoing), 0.0) * FRAC_1_PI;
     v3(gloss * facets, (1.0 - gloss) * below, 0.0)
 }
 
@@ -242,7 +242,7 @@ impl Shading {
             self.reflectance_backward(f, 0.5 * length, g.x * (v * cosine), &mut by, gradient);
         // D.
         let mut by_half = f.distribution_backward(half, g.d, &mut by);
-        by_half += half * (0.5 * by_vh / length.max(IMPOSSIBLE));
+        by_half += half * (0.5 * by_vh / max(length, IMPOSSIBLE));
         // S and T.
         let gloss = gloss(self);
         let sum = f.nv + f.rv;

@@ -156,7 +156,7 @@ impl Shading {
     #[inline(always)]
     pub(super) fn cosine(&self, outgoing: V3) -> f32 {
         let shaded = self.normal.dot(outgoing);
-        shaded.min(HORIZON * self.geometric.dot(outgoing)).max(0.0)
+        max(min(shaded, HORIZON * self.geometric.dot(outgoing)), 0.0)
     }
 
     /// Adds the derivatives of g·cos θ where it is not 0, and returns the one with respect to the outgoing direction.
@@ -208,6 +208,6 @@ impl Shading {
         if of_gloss {
             own = densities.x;
         }
-        own / (densities.x + densities.y).max(IMPOSSIBLE)
+        own / max(densities.x + densities.y, IMPOSSIBLE)
     }
 }

@@ -25,7 +25,7 @@ pub(super) fn gloss(shading: &Shading) -> f32 {
     let mut share = 0.0;
     if shading.glossy {
         let specular = shading.specular.element_sum().abs();
-        share = specular / (shading.diffuse.element_sum().abs() + specular).max(IMPOSSIBLE);
+        share = specular / max(shading.diffuse.element_sum().abs() + specular, IMPOSSIBLE);
     }
     share
 }
@@ -73,7 +73,7 @@ pub(super) fn evaluate_backward(
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn densities(shading: &Shading, normal: V3, outgoing: V3) -> V3 {
-    let mut found = v3(0.0, normal.dot(outgoing).max(0.0) * FRAC_1_PI, 0.0);
+    let mut found = v3(0.0, max(normal.dot(outgoing), 0.0) * FRAC_1_PI, 0.0);
     if shading.glossy {
         let share = gloss(shading);
         let lobe = phong(shading.exponent, shading.mirror_about(normal).dot(outgoing));
@@ -179,7 +179,7 @@ pub(super) fn lobe(shading: &Shading, lobe: &mut Lobe, of_gloss: bool, tangent: 
         lobe.axis = shading.mirror();
         lobe.exponent = shading.exponent;
         // The lobe has fallen to 1e-4 there.
-        let exponent = shading.exponent.max(1e-3);
+        let exponent = max(shading.exponent, 1e-3);
         lobe.narrow((const { -9.2f32 } / exponent).exp(), tangent);
     }
 }
@@ -219,7 +219,7 @@ impl Shading {
     fn phong_local(&self, u: f32, v: f32) -> V3 {
         let turn = sin_cos_of_turns(v);
         let log = u.clamp(EPSILON, 1.0 - EPSILON).ln() / (self.exponent + 1.0);
-        let sine = (-(2.0 * log).exp_m1()).max(EPSILON).sqrt();
+        let sine = max(-(2.0 * log).exp_m1(), EPSILON).sqrt();
         v3(sine * turn.cos, sine * turn.sin, log.exp())
     }
 }
@@ -228,6 +228,6 @@ impl Shading {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn phong(exponent: f32, cosine: f32) -> f32 {
-    let lobe = (cosine.max(EPSILON).min(1.0).ln() * exponent).exp();
+    let lobe = (min(max(cosine, EPSILON), 1.0).ln() * exponent).exp();
     select(cosine > EPSILON, lobe, 0.0)
 }

@@ -27,7 +27,7 @@ fn clamped(g: f32, x: f32, most: f32) -> f32 {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(super) fn roughness_of(number: f32) -> f32 {
-    number.max(0.0).min(1.0)
+    min(max(number, 0.0), 1.0)
 }
 
 #[cfg_attr(feature = "gpu", cube)]
@@ -35,7 +35,7 @@ impl Shading {
     /// Returns the clamped metallic parameter.
     #[inline(always)]
     pub(super) fn metallic(&self) -> f32 {
-        self.specular.x.max(0.0).min(1.0)
+        min(max(self.specular.x, 0.0), 1.0)
     }
 
     /// Returns the clamped η of a conductor.
@@ -77,7 +77,7 @@ impl Shading {
     /// Returns the clamped index of refraction of the inside over the outside.
     #[inline(always)]
     pub(super) fn ior(&self) -> f32 {
-        let mut ior = self.specular.x.max(MIN_IOR).min(MAX_IOR);
+        let mut ior = min(max(self.specular.x, MIN_IOR), MAX_IOR);
         if (ior - 1.0).abs() < MIN_CONTRAST {
             ior = const { 1.0 + MIN_CONTRAST };
         }

@@ -73,15 +73,15 @@ impl Shading {
                 half = -half;
             }
         }
-        let length = half.length().max(IMPOSSIBLE);
-        let a = f.view.dot(half).max(0.0);
-        let b = (-outgoing.dot(half)).max(0.0);
-        let cosine = (a / length).min(1.0);
+        let length = max(half.length(), IMPOSSIBLE);
+        let a = max(f.view.dot(half), 0.0);
+        let b = max(-outgoing.dot(half), 0.0);
+        let cosine = min(a / length, 1.0);
         let mut part = dielectric(cosine, eta);
         let mut k = 1.0f32;
         let mut upright = 1.0f32;
         if !above {
-            upright = (UPRIGHT * half.dot(f.normal) / length).min(1.0);
+            upright = min(UPRIGHT * half.dot(f.normal) / length, 1.0);
             part = splat(0.0) - part;
             part.x += 1.0;
             let square = 1.0 / (length * length);
@@ -112,7 +112,7 @@ impl Shading {
     pub(super) fn refracted_at(&self, f: &Facets, half: V3) -> V3 {
         let eta = self.eta();
         let c = f.view.dot(half);
-        let passed = (1.0 - (1.0 - c * c) / (eta * eta)).max(IMPOSSIBLE).sqrt();
+        let passed = max(1.0 - (1.0 - c * c) / (eta * eta), IMPOSSIBLE).sqrt();
         half * (c / eta - passed) - f.view * (1.0 / eta)
     }
 
@@ -130,7 +130,7 @@ impl Shading {
         let inverse = 1.0 / eta;
         let c = f.view.dot(half);
         let square = (1.0 - c * c) * inverse * inverse;
-        let passed = (1.0 - square).max(1e-8).sqrt();
+        let passed = max(1.0 - square, 1e-8).sqrt();
         let along = g.dot(half);
         let by_c = along * (inverse - c * inverse * inverse / passed);
         let by_eta = g.dot(f.view) * inverse * inverse

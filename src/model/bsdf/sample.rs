@@ -105,5 +105,5 @@ impl Shading {
 fn matt_local(u: f32, v: f32) -> V3 {
     let turn = sin_cos_of_turns(v);
     let sine = u.sqrt();
-    v3(sine * turn.cos, sine * turn.sin, (1.0 - u).max(0.0).sqrt())
+    v3(sine * turn.cos, sine * turn.sin, max(1.0 - u, 0.0).sqrt())
 }

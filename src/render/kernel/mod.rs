@@ -23,7 +23,7 @@ use crate::scene::{Camera, ParameterId, Scene};
 use crate::tensors::Diagnostics;
 use crate::warnings::warning;
 use backward::Backward;
-pub(super) use prepare::on_gpu;
+pub(super) use prepare::{copy, on_gpu};
 use prepare::{Places, Prepared, prepare};
 use rows::Rows;
 use trace::{Jobs, Pass};

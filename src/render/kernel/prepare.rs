@@ -13,11 +13,11 @@ use rayon::prelude::*;
 use crate::accel::Hierarchy;
 use crate::device::stage;
 use crate::error::Result;
-use crate::geometry::{Context, detached};
+use crate::geometry::{Context, detached, host_values, now};
 use crate::kernel::{EdgeSets, KernelScene, View, ViewSettings, Wanted};
 use crate::model::camera::HostCamera;
 use crate::model::filter::Filters;
-use crate::render::batch::{Batch, in_batch};
+use crate::render::batch::{Batch, OnHost, in_batch};
 use crate::render::cache::{HierarchyCache, LastScene};
 use crate::render::mistakes::warn_of_views;
 use crate::render::options::{RenderOptions, sampler};
@@ -37,9 +37,13 @@ pub(super) struct Prepared {
     pub lit: bool,
 }
 
-/// Reads the scenes and cameras of a batch to the host. Constants in the cache are not read again.
-fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<HostCamera>)> {
-    let mut batch = batch.clone();
+/// Copies the scenes and cameras of a batch to the host. Constants in the cache are not read again. `read` returns the
+/// values of a tensor.
+pub(in crate::render) async fn copy(
+    batch: &Batch,
+    last: &HierarchyCache,
+    read: impl AsyncFnOnce(Tensor<1>) -> Result<Vec<f64>>,
+) -> Result<OnHost> {
     let context = &batch.context()?;
     let mut cameras: Vec<Camera> = batch.views.iter().map(|v| v.1.clone()).collect();
     // A device with insufficient limits is an error before any kernel runs on it.
@@ -47,17 +51,40 @@ fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<Hos
     crate::gpu::check(&context.device, std::iter::empty(), None)?;
     // The vertices of the batch are read together, not scene by scene.
     let device = host_device().unwrap_or(context.device.clone());
-    batch.scenes = batch.scenes_with(|_| Tensor::zeros([1, 3], &device));
+    let mut scenes = batch.scenes_with(|_| Tensor::zeros([1, 3], &device));
     let mut vertices: Vec<Tensor<3>> = batch.vertices.iter().map(|v| v.1.clone()).collect();
     let transfer = Transfer {
-        scenes: &mut batch.scenes,
+        scenes: &mut scenes,
         cameras: &mut cameras,
         more: &mut vertices,
     };
     // The lock is released meanwhile, since other renders may share the cache.
     let mut constants = std::mem::take(&mut *last.constants());
-    transfer.fetch(context, &mut constants, identity)?;
+    let fetched = transfer.fetch(context, &mut constants, identity, read);
+    fetched.await?;
     *last.constants() = constants;
+    Ok(OnHost {
+        scenes,
+        cameras,
+        vertices,
+    })
+}
+
+/// Reads and checks the scenes and cameras of a batch.
+fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<HostCamera>)> {
+    let OnHost {
+        scenes,
+        cameras,
+        vertices,
+    } = match &batch.on_host {
+        Some(on_host) => on_host.clone(),
+        None => now(copy(batch, last, async |tensor| host_values(&tensor)))?,
+    };
+    let context = &batch.context()?;
+    let mut batch = Batch {
+        scenes,
+        ..batch.clone()
+    };
     let on_host = batch.vertices.iter_mut().zip(vertices);
     on_host.for_each(|((_, vertices), on_host)| *vertices = on_host);
     let read = |index: usize| {

@@ -44,7 +44,7 @@ impl<'a> Fixed<'a> {
         Chosen {
             emitter: k,
             chance,
-            rest: ((u - before) / chance).max(0.0).min(MAX_UNIFORM),
+            rest: min(max((u - before) / chance, 0.0), MAX_UNIFORM),
         }
     }
 }

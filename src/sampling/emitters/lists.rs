@@ -99,7 +99,7 @@ impl EmitterTriangle {
     /// Returns the solid angle under which a point sees the triangle's front.
     #[inline(always)]
     pub fn angle(&self, from: V3) -> f32 {
-        solid_angle(self.a, self.b, self.c, from).max(0.0)
+        max(solid_angle(self.a, self.b, self.c, from), 0.0)
     }
 }
 
@@ -166,7 +166,7 @@ impl Choosing {
         Chosen {
             emitter: self.emitter,
             chance: self.chance,
-            rest: ((u - self.before) / self.chance).max(0.0).min(MAX_UNIFORM),
+            rest: min(max((u - self.before) / self.chance, 0.0), MAX_UNIFORM),
         }
     }
 }

@@ -13,7 +13,6 @@ use super::BY_POWER;
 use super::fixed::{Chosen, Fixed};
 use crate::accel::LANES;
 use crate::accel::eights::{NONE, number, sum_of, vector};
-#[cfg(feature = "gpu")]
 use crate::cube::*;
 use crate::model::choice::{MAX_UNIFORM, is_positive};
 use crate::model::light_bounds::{Axes, Sphere};
@@ -169,12 +168,12 @@ impl<'a> LightTree<'a> {
             rest: 0.0f32,
         };
         if u < BY_POWER {
-            chosen = self.fixed.choose((u / BY_POWER).min(MAX_UNIFORM));
+            chosen = self.fixed.choose(min(u / BY_POWER, MAX_UNIFORM));
             chosen.chance = self.chance(chosen.emitter, share, x, normal, weights);
         } else {
-            let u = ((u - BY_POWER) / (1.0 - BY_POWER)).min(MAX_UNIFORM);
+            let u = min((u - BY_POWER) / (1.0 - BY_POWER), MAX_UNIFORM);
             if self.count > 0 && u >= share {
-                let rest = ((u - share) / (1.0 - share)).min(MAX_UNIFORM);
+                let rest = min((u - share) / (1.0 - share), MAX_UNIFORM);
                 chosen = self.choose_near(rest, x, normal, weights);
                 chosen.chance *= 1.0 - share;
             } else {
@@ -217,7 +216,7 @@ impl<'a> LightTree<'a> {
             }
             let own = f32::from_bits(weights[branch]);
             chance *= own / total;
-            rest = ((target - before) / own).max(0.0).min(MAX_UNIFORM);
+            rest = min(max((target - before) / own, 0.0), MAX_UNIFORM);
             going = !self.is_leaf(node);
             node = self.word(node, branch);
         }
