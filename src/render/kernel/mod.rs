@@ -23,8 +23,8 @@ use crate::scene::{Camera, ParameterId, Scene};
 use crate::tensors::Diagnostics;
 use crate::warnings::warning;
 use backward::Backward;
-pub(super) use prepare::{copy, on_gpu};
 use prepare::{Places, Prepared, prepare};
+pub(super) use prepare::{copy, on_gpu};
 use rows::Rows;
 use trace::{Jobs, Pass};
 
