@@ -82,14 +82,14 @@ pub(crate) fn select<T>(condition: bool, a: T, b: T) -> T {
     if condition { a } else { b }
 }
 
-/// Returns the larger number; `b` if one of them is NaN. It is one instruction everywhere, and in vectors: `f32::max` has
+/// Returns the larger number; on the host `b` if one of them is NaN. It is one instruction everywhere, and in vectors: `f32::max` has
 /// a rule of its own for NaN, and is a call of a function on WebAssembly, which keeps loops from being vectorized.
 #[inline(always)]
 pub(crate) fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// Returns the smaller number; `b` if one of them is NaN.
+/// Returns the smaller number; on the host `b` if one of them is NaN.
 #[inline(always)]
 pub(crate) fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }

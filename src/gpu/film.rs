@@ -203,7 +203,8 @@ pub(super) fn film_jumps(
         while length < LENGTH && (2u32 << length) <= film_sample.total {
             length += 1;
         }
-        if samples.spread == 0 && sample >> length < film_sample.total >> length {
+        let ordered = samples.spread == 0 && length > 0;
+        if ordered && sample >> length < film_sample.total >> length {
             sample = source.in_order(sample, length);
         }
         let places = &films[(OF_FILM * samples.views) as usize..];

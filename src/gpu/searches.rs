@@ -60,17 +60,18 @@ pub(super) fn words_of_order(points: usize) -> usize {
     points.next_multiple_of(GROUP as usize) + blocks_of(points) * BLOCK_WORDS as usize
 }
 
-/// Returns the numbers of searches of points in their two orders, from the words behind the records. Points without
-/// searches are left out.
-pub(super) fn in_order(words: &[u32], points: usize) -> [Vec<u32>; 2] {
+/// Returns the numbers of searches of points in the two orders of each block, from the words behind the records. Points
+/// without searches are left out.
+pub(super) fn in_order(words: &[u32], points: usize) -> Vec<Vec<u32>> {
     let blocks = words[..points].chunks((GROUP * OF_BLOCK) as usize);
-    let of_block = |block: &[u32], shift: u32| {
+    let orders = blocks.flat_map(|block| [0, OF_LIGHT].map(|shift| (block, shift)));
+    let of_order = |(block, shift): (&[u32], u32)| {
         let searches = block.iter().map(|n| (n >> shift) & 0xffff);
         let mut searches: Vec<u32> = searches.filter(|&n| n > 0).collect();
         searches.sort_by_key(|&n| CLASSES - n.min(CLASSES));
         searches
     };
-    [0, OF_LIGHT].map(|shift| blocks.clone().flat_map(|b| of_block(b, shift)).collect())
+    orders.map(of_order).collect()
 }
 
 /// Two orders of points behind the records: by searches for shadow edges, and by searches for edges in reflected

@@ -91,7 +91,8 @@ impl Sampler {
 impl Sampler {
     /// Returns the sample at a place in the order of the samples' first random numbers, among 2 to the power of
     /// `length` samples from a multiple of this number on. The order is exact up to Owen scrambling: the samples of an
-    /// aligned part of a run are those of a part of the numbers' range. A sequence is as long as a run or longer.
+    /// aligned part of a run are those of a part of the numbers' range. `length` is at
+    /// least 1, and a sequence is as long as a run or longer.
     pub fn in_order(self, place: u32, length: u32) -> u32 {
         let mut sample = place;
         if comptime!(self.sequence == Sequence::Sobol) {
