@@ -1,5 +1,5 @@
 // The kernels for GPUs in headless Chromium, whose WebGPU is SwiftShader's, beside those for CPUs in the same page:
-// `node webgpu.mjs FOLDER MODULES`, called by .ci/webgpu. FOLDER holds what wasm-bindgen writes for the feature `webgpu`.
+// `node webgpu.mjs FOLDER MODULES`, called by `.ci/browser webgpu`. FOLDER holds what wasm-bindgen writes for the feature `webgpu`.
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { createServer } from 'node:http';
