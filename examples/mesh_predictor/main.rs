@@ -18,16 +18,27 @@ pub(crate) mod train;
 
 use std::time::Instant;
 
-use burn::optim::AdamConfig;
 use clap::Parser;
-use softray::optim::{Fit, MeshRegularizer, Rate};
+use softray::prelude::Device;
 
-use common::study::{Arguments, Failure};
+use common::study::{self, Failure};
 use dataset::Dataset;
 use evaluate::{Baselines, predict, predict_and_measure};
-use network::{Decoder, Network};
+use network::Network;
 use settings::Settings;
-use train::Trainer;
+use train::{Place, Trainer};
+
+/// A network that predicts meshes from single images, trained by renders.
+#[derive(Parser)]
+struct Arguments {
+    #[command(flatten)]
+    study: study::Arguments,
+    /// Devices that share the objects of each step, as in `--devices flex,vulkan`; with the feature `remote` devices of
+    /// servers too, as in `--devices ws://127.0.0.1:3000,ws://127.0.0.1:3001`. Their gradients are summed on the device
+    /// of `--device`, where the network and the optimizer stay. Default: the device of `--device`.
+    #[arg(long, value_delimiter = ',', value_name = "DEVICE,…")]
+    devices: Vec<String>,
+}
 
 /// Overlaps of the validation set's silhouettes, in the input views and in the other views.
 #[derive(Clone, Copy, Debug)]
@@ -66,16 +77,30 @@ impl Outcome {
     }
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
-    let mut settings = arguments.either(Settings::quick(), Settings::full());
-    settings.steps = arguments.steps.unwrap_or(settings.steps);
-    learn(arguments, &settings)
+fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
+    let study = &arguments.study;
+    let mut settings = study.either(Settings::quick(), Settings::full());
+    settings.steps = study.steps.unwrap_or(settings.steps);
+    let names = arguments.devices.iter().map(|name| Some(name.as_str()));
+    let devices = names.map(softray::device::named);
+    learn(study, &settings, devices.collect::<softray::Result<_>>()?)
 }
 
-pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcome, Failure> {
+/// Trains over some devices, or on that of the arguments if there are none.
+pub(crate) fn learn(
+    arguments: &study::Arguments,
+    settings: &Settings,
+    mut devices: Vec<Device>,
+) -> Result<Outcome, Failure> {
     let start = Instant::now();
     let device = arguments.device()?;
-    let tracked = device.clone().autodiff();
+    if devices.is_empty() {
+        devices.push(device.clone());
+    }
+    if devices.len() > settings.batch {
+        let objects = settings.batch;
+        return Err(format!("--devices: at most {objects}, the objects of a step").into());
+    }
     let seed = |k: u64| 2 * arguments.seed + k;
     let make = |name, k, count| Dataset::new((name, seed(k)), (count, settings.views), &device);
     let data = make("training set", 0, settings.train)?.with_mirrored();
@@ -85,35 +110,19 @@ pub(crate) fn learn(arguments: &Arguments, settings: &Settings) -> Result<Outcom
         settings.train + settings.validation,
         start.elapsed().as_secs_f64()
     );
-    let ball = |subdivisions| Decoder::new(subdivisions, settings.degree, &device);
-    let (coarse, fine) = (
-        ball(settings.subdivisions[0])?,
-        ball(settings.subdivisions[1])?,
-    );
+    let fine = Place::new(settings, device.clone())?.measured;
     let baselines = Baselines::new(&data, &validation, &fine, &device)?;
 
-    tracked.seed(arguments.seed);
-    let channels = &settings.channels;
-    let network = Network::new(channels, settings.hidden, settings.degree, &tracked);
+    let places = devices.into_iter().map(|d| Place::new(settings, d));
     let trainer = Trainer {
         settings,
         data: &data,
         validation: &validation,
-        decoder: &coarse,
-        measured: &fine,
-        regular: MeshRegularizer::from_mesh(&coarse.ball)?,
-        device: device.clone(),
+        places: places.collect::<softray::Result<_>>()?,
     };
+    let network = Network::new(settings, arguments.seed, &device);
     let before = predict_and_measure(&validation, &network, &fine, &device)?;
-    let trained = Fit::new(network, AdamConfig::new().init(), settings.steps)
-        .with_seed(arguments.seed)
-        .with_rate(Rate::cosine(settings.rate))
-        .with_blur(settings.blur()?)
-        .with_clip(1.0)
-        .with_folder(arguments.out.join("mesh_predictor"))
-        .with_checkpoint_every(25)
-        .with_restart(!arguments.resume)
-        .run(|network: &Network, step: &_| trainer.evaluate(network, step))?;
+    let trained = trainer.train(network, arguments)?;
 
     let network = &trained.module;
     let after = predict_and_measure(&validation, network, &fine, &device)?;

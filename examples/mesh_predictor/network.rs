@@ -10,6 +10,7 @@ use softray::prelude::{Mesh, Scene, Transform, shapes};
 
 use super::basis::{degrees, harmonics};
 use super::render::{Light, SIZE, scene};
+use super::settings::Settings;
 
 /// The radius of the ball before deformation, in scene units.
 const RADIUS: f64 = 0.55;
@@ -42,8 +43,12 @@ pub struct Code {
 }
 
 impl Network {
-    /// Creates a network with `channels` after each halving of the image, for offsets by harmonics up to `degree`.
-    pub fn new(channels: &[usize], hidden: usize, degree: usize, device: &Device) -> Self {
+    /// Creates the network of some settings, with random parameters by a seed, on a device without autodiff, to which it
+    /// adds that.
+    pub fn new(settings: &Settings, seed: u64, device: &Device) -> Self {
+        let (channels, hidden) = (&settings.channels, settings.hidden);
+        let device = &device.clone().autodiff();
+        device.seed(seed);
         let inputs = std::iter::once(3).chain(channels.iter().copied());
         let convolution = |(input, &output): (usize, &usize)| {
             Conv2dConfig::new([input, output], [3, 3])
@@ -59,7 +64,7 @@ impl Network {
             convolutions: inputs.zip(channels).map(convolution).collect(),
             norms: channels.iter().map(norm).collect(),
             hidden: linear(features, hidden),
-            offsets: linear(hidden, 3 * degrees(degree).len()),
+            offsets: linear(hidden, 3 * degrees(settings.degree).len()),
             rotation: linear(hidden, 6),
             translation: linear(hidden, 3),
             color: linear(hidden, 3),

@@ -2,9 +2,11 @@
 
 use std::time::Instant;
 
-use softray::optim::{Evaluation, MeshRegularizer, Step, loss};
+use burn::optim::AdamConfig;
+use softray::optim::{Evaluation, Fit, Fitted, MeshRegularizer, Part, Rate, Step, loss};
 use softray::prelude::*;
 
+use super::common::study::Arguments;
 use super::dataset::Dataset;
 use super::evaluate::predict_and_measure;
 use super::network::{Bodies, Decoder, Network, row};
@@ -16,7 +18,7 @@ use super::settings::Settings;
 const IMAGE: f64 = 20.0;
 const NORMALS: f64 = 0.1;
 
-/// Names of the forward pass's times in the history, in seconds.
+/// Names of the forward pass's times in the history, in seconds; means over the devices.
 pub const NETWORK_SECONDS: &str = "network s";
 pub const RENDER_SECONDS: &str = "render s";
 
@@ -25,18 +27,62 @@ pub struct Trainer<'a> {
     pub settings: &'a Settings,
     pub data: &'a Dataset,
     pub validation: &'a Dataset,
-    pub decoder: &'a Decoder,
-    /// The decoder for the validation set.
-    pub measured: &'a Decoder,
-    pub regular: MeshRegularizer,
-    /// A device without autodiff.
-    pub device: Device,
+    /// The devices that share the objects of each step. The first one measures on the validation set.
+    pub places: Vec<Place>,
 }
 
-/// The objects of a step: (item, eye) of the network's inputs, and of all views that are compared.
+/// A device that evaluates steps, and its constants.
+pub struct Place {
+    /// Without autodiff.
+    pub device: Device,
+    pub decoder: Decoder,
+    /// The decoder for the validation set.
+    pub measured: Decoder,
+    regular: MeshRegularizer,
+}
+
+impl Place {
+    pub fn new(settings: &Settings, device: Device) -> softray::Result<Self> {
+        let ball = |subdivisions| Decoder::new(subdivisions, settings.degree, &device);
+        let [coarse, fine] = settings.subdivisions;
+        let decoder = ball(coarse)?;
+        Ok(Self {
+            regular: MeshRegularizer::from_mesh(&decoder.ball)?,
+            measured: ball(fine)?,
+            decoder,
+            device,
+        })
+    }
+}
+
+/// Objects of a step: items, each with the eye that is compared besides that of the network's input.
 pub struct Objects {
-    inputs: Vec<(usize, usize)>,
-    compared: Vec<(usize, usize)>,
+    all: Vec<(usize, usize)>,
+    /// The number of the step's objects before these.
+    before: usize,
+}
+
+impl Objects {
+    /// The share of a device.
+    fn of_part(&self, part: &Part) -> Self {
+        let numbers: Vec<usize> = (0..self.all.len()).collect();
+        let own = part.of(&numbers).as_slice();
+        Self {
+            all: own.iter().map(|&k| self.all[k]).collect(),
+            before: own[0],
+        }
+    }
+
+    /// (item, eye) of the network's inputs.
+    fn inputs(&self) -> Vec<(usize, usize)> {
+        self.all.iter().map(|&(item, _)| (item, 0)).collect()
+    }
+
+    /// (item, eye) of all views that are compared, two of each object.
+    fn compared(&self) -> Vec<(usize, usize)> {
+        let pair = |&(item, other): &(usize, usize)| [(item, 0), (item, other)];
+        self.all.iter().flat_map(pair).collect()
+    }
 }
 
 /// The parts of the loss.
@@ -53,77 +99,119 @@ impl Parts {
 }
 
 impl Trainer<'_> {
+    /// Trains a network, which stays on its device.
+    pub fn train(
+        &self,
+        network: Network,
+        arguments: &Arguments,
+    ) -> softray::Result<Fitted<Network>> {
+        let settings = self.settings;
+        let devices: Vec<Device> = self.places.iter().map(|p| p.device.clone()).collect();
+        Fit::new(network, AdamConfig::new().init(), settings.steps)
+            .with_seed(arguments.seed)
+            .with_rate(Rate::cosine(settings.rate))
+            .with_blur(settings.blur()?)
+            .with_clip(1.0)
+            .with_folder(arguments.out.join("mesh_predictor"))
+            .with_checkpoint_every(25)
+            .with_restart(!arguments.resume)
+            .run_over(&devices, |network: &Network, step, part| {
+                self.evaluate(network, step, part)
+            })
+    }
+
     /// Chooses objects and views by the seed of the step.
     pub fn batch(&self, step: &Step) -> Objects {
         let n = &mut Numbers::new(step.seed(0), 1);
-        let items = self.data.items.len();
-        let inputs: Vec<_> = (0..self.settings.batch)
-            .map(|_| (n.index(items), 0))
-            .collect();
-        let pair = |&(item, eye): &(usize, usize)| {
-            let other = 1 + n.index(self.settings.views - 1);
-            [(item, eye), (item, other)]
-        };
-        let compared = inputs.iter().flat_map(pair).collect();
-        Objects { inputs, compared }
+        let count = self.settings.batch;
+        let items: Vec<_> = (0..count).map(|_| n.index(self.data.items.len())).collect();
+        let mut other = || 1 + n.index(self.settings.views - 1);
+        Objects {
+            all: items.into_iter().map(|item| (item, other())).collect(),
+            before: 0,
+        }
     }
 
     /// Returns the network's predictions for a batch.
-    pub fn predict(&self, network: &Network, batch: &Objects) -> Bodies {
-        let device = self.device.clone().autodiff();
-        let images = self.data.images(&batch.inputs, &device).radiance;
-        self.decoder.bodies(network.forward(images))
+    pub fn predict(&self, network: &Network, batch: &Objects, place: &Place) -> Bodies {
+        let device = place.device.clone().autodiff();
+        let images = self.data.images(&batch.inputs(), &device).radiance;
+        place.decoder.bodies(network.forward(images))
     }
 
     /// Returns the loss of bodies. Each view is rendered twice with independent noise, so that the variance of the
-    /// noise does not bias the loss.
-    pub fn compare(&self, bodies: &Bodies, batch: &Objects, step: &Step) -> softray::Result<Parts> {
+    /// noise does not bias the loss. The noise of an object does not depend on the device that renders it.
+    pub fn compare(
+        &self,
+        bodies: &Bodies,
+        batch: &Objects,
+        step: &Step,
+        place: &Place,
+    ) -> softray::Result<Parts> {
         let template = |(k, &(item, _)): (usize, &(usize, usize))| {
             let light = &self.data.items[item].light;
-            scene(self.decoder.ball.clone(), row(&bodies.color, k), light)
+            scene(place.decoder.ball.clone(), row(&bodies.color, k), light)
         };
-        let scenes = batch.inputs.iter().enumerate().map(template).collect();
+        let scenes = batch.all.iter().enumerate().map(template).collect();
+        let compared = batch.compared();
         let view = |(k, &(item, eye)): (usize, &(usize, usize))| {
             (k / 2, self.data.items[item].eyes[eye].camera())
         };
-        let views = batch.compared.iter().enumerate().map(view).collect();
+        let views = compared.iter().enumerate().map(view).collect();
         let views = Batch::views(scenes, views)?;
         let views = views.with_vertices(BODY, bodies.vertices.clone())?;
         let few = options(self.settings.samples);
-        let a = see(&views, &step.options(&few, 0))?;
-        let b = see(&views, &step.options(&few, 1))?;
-        let target = self.data.images(&batch.compared, &self.device);
+        let see = |render| {
+            see(
+                &views,
+                &step.options(&few, render).of_view(2 * batch.before),
+            )
+        };
+        let (a, b) = (see(0)?, see(1)?);
+        let target = self.data.images(&compared, &place.device);
         let image = (a.radiance - target.radiance.clone()) * (b.radiance - target.radiance);
         Ok(Parts {
             image: image.mean(),
             silhouette: loss::silhouette_iou((a.opacity + b.opacity) * 0.5, target.opacity)?,
-            normals: self.regular.normal_consistency(bodies.vertices.clone()),
+            normals: place.regular.normal_consistency(bodies.vertices.clone()),
         })
     }
 
-    /// Returns the loss of a step and, in some steps, the overlap on the validation set.
-    pub fn evaluate(&self, network: &Network, step: &Step) -> softray::Result<Evaluation> {
-        let batch = self.batch(step);
+    /// Returns a device's part of the loss of a step and, in some steps, the overlap on the validation set.
+    pub fn evaluate(
+        &self,
+        network: &Network,
+        step: &Step,
+        part: &Part,
+    ) -> softray::Result<Evaluation> {
+        let place = &self.places[part.index];
+        let all = self.batch(step);
+        let batch = all.of_part(part);
         let start = Instant::now();
-        let bodies = self.predict(network, &batch);
+        let bodies = self.predict(network, &batch, place);
         let predicted = start.elapsed();
-        let parts = self.compare(&bodies, &batch, step)?;
+        let parts = self.compare(&bodies, &batch, step, place)?;
         let rendered = start.elapsed() - predicted;
         let every = self.settings.steps.div_ceil(self.settings.evaluations);
-        let validated = if step.index.is_multiple_of(every.max(1)) {
-            predict_and_measure(self.validation, network, self.measured, &self.device)?
-        } else {
-            [f64::NAN; 2]
+        let validated = match part.index {
+            0 if step.index.is_multiple_of(every.max(1)) => {
+                predict_and_measure(self.validation, network, &place.measured, &place.device)?
+            }
+            0 => [f64::NAN; 2],
+            _ => [0.0; 2],
         };
-        let value = |t: &Tensor<1>| t.clone().into_scalar::<f32>().into();
-        Ok(Evaluation::new(parts.sum())
+        // Losses and values are summed over the devices: of means, each device adds its share.
+        let share = batch.all.len() as f64 / all.all.len() as f64;
+        let value = |t: &Tensor<1>| share * f64::from(t.clone().into_scalar::<f32>());
+        let seconds = |time: std::time::Duration| time.as_secs_f64() / part.count as f64;
+        Ok(Evaluation::new(parts.sum() * share)
             .with_value("image", value(&parts.image))
             .with_value("silhouette", value(&parts.silhouette))
             .with_value("normals", value(&parts.normals))
             .with_value("IoU input", validated[0])
             .with_value("IoU other", validated[1])
-            .with_value(NETWORK_SECONDS, predicted.as_secs_f64())
-            .with_value(RENDER_SECONDS, rendered.as_secs_f64()))
+            .with_value(NETWORK_SECONDS, seconds(predicted))
+            .with_value(RENDER_SECONDS, seconds(rendered)))
     }
 }
 
@@ -132,7 +220,6 @@ mod tests {
     use super::*;
     use burn::module::{Module, ModuleVisitor, Param};
     use burn::optim::{GradientsParams, ModuleOptimizer, SgdConfig};
-    use softray::optim::Fit;
 
     /// The squared length of each gradient, with the path of its parameter.
     struct Sizes<'a> {
@@ -168,25 +255,19 @@ mod tests {
             ..Settings::tiny()
         };
         let device = Device::flex();
-        let tracked = device.clone().autodiff();
         let data = Dataset::new(("testing", 1), (6, 2), &device).expect("renders");
-        let decoder = Decoder::new(settings.subdivisions[0], settings.degree, &device);
-        let decoder = decoder.expect("an icosphere");
-        tracked.seed(1);
-        let network = Network::new(&settings.channels, 32, settings.degree, &tracked);
+        let network = Network::new(&settings, 1, &device);
         let trainer = Trainer {
             settings: &settings,
             data: &data,
             validation: &data,
-            regular: MeshRegularizer::from_mesh(&decoder.ball).expect("faces"),
-            decoder: &decoder,
-            measured: &decoder,
-            device,
+            places: vec![Place::new(&settings, device).expect("icospheres")],
         };
+        let place = &trainer.places[0];
         let loss = |network: &Network, step: &Step| {
             let batch = trainer.batch(step);
-            let bodies = trainer.predict(network, &batch);
-            Ok(trainer.compare(&bodies, &batch, step)?.sum())
+            let bodies = trainer.predict(network, &batch, place);
+            Ok(trainer.compare(&bodies, &batch, step, place)?.sum())
         };
         // With the same seed, renders and gradients are identical to the bit.
         let gradients = |network: &Network, step: &Step| -> softray::Result<GradientsParams> {

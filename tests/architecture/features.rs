@@ -64,14 +64,20 @@ fn commands_with(feature: &str, text: &str) -> Vec<String> {
 
 /// A test of a feature that no command builds would never run.
 pub fn not_run() -> Vec<String> {
+    // All that needs more than the default features shares one build.
+    const FEATURES: &str = "--features vulkan,ndarray,train,remote-server";
     let on_gpus = |s: &Subject| s.program == "gpu";
     // `cpu_devices` are more with ndarray.
     let parts = [
+        r#"feature = "gpu""#,
         r#"feature = "wgpu""#,
         r#"feature = "ndarray""#,
         "cpu_devices",
     ];
-    let needs = |s: &Subject| on_gpus(s) || parts.iter().any(|part| s.text.contains(part));
+    let needs = |s: &Subject| {
+        let part = parts.iter().any(|part| s.text.contains(part));
+        part || on_gpus(s) || s.program == "remote"
+    };
     let subjects = subjects();
     let missing = |file: &str, feature: &str, needs: &dyn Fn(&Subject) -> bool| -> Vec<String> {
         let commands = commands_with(feature, &text(file));
@@ -81,15 +87,9 @@ pub fn not_run() -> Vec<String> {
         let missing = missing.map(show);
         missing.collect()
     };
-    let mut all = missing(".ci/run", "--features vulkan,ndarray", &needs);
+    let mut all = missing(".ci/run", FEATURES, &needs);
     all.extend(missing("README.md", "--features vulkan", &on_gpus));
-    let on_servers = |s: &Subject| s.program == "remote";
-    all.extend(missing(
-        ".ci/run",
-        "--features train,remote-server",
-        &on_servers,
-    ));
-    let units = commands_with("--features vulkan,ndarray", &text(".ci/run"));
+    let units = commands_with(FEATURES, &text(".ci/run"));
     if !units.iter().any(|command| command.contains(" --lib ")) {
         all.push(".ci/run: --lib".to_owned());
     }

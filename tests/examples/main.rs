@@ -140,7 +140,7 @@ fn bodies_from_single_images() {
     let out = out("mesh_predictor");
     let arguments = mesh_predictor::common::study::Arguments::for_tests(out.clone());
     let settings = mesh_predictor::settings::Settings::tiny();
-    let outcome = mesh_predictor::learn(&arguments, &settings).expect("training");
+    let outcome = mesh_predictor::learn(&arguments, &settings, Vec::new()).expect("training");
     assert!(out.join("mesh_predictor.png").exists());
     assert!(outcome.after[0] > outcome.before[0] + 0.05, "{outcome:?}");
     assert!(

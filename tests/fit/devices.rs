@@ -29,14 +29,18 @@ fn fitted(devices: &[Device]) -> (Vec<f32>, Vec<f64>) {
         let scene = Scene::new().with_object(ball).with_environment([1.0; 3]);
         let options = RenderOptions::new(8, 8).with_samples(2);
         let loss = squares(&scene, part.of(&views), &options)?;
-        let name = format!("views of {}", part.index);
         let loss = loss * (views.len() as f64).recip();
-        Ok(Evaluation::new(loss).with_value(name, part.of(&views).len() as f64))
+        let own = format!("views of {}", part.index);
+        let count = part.of(&views).len() as f64;
+        let evaluation = Evaluation::new(loss).with_value("views", count);
+        Ok(evaluation.with_value(own, count))
     });
     let fitted = fitted.expect("a fit");
     let last = fitted.history.rows.last().expect("a row");
-    assert_eq!(last.values.len(), devices.len());
-    assert_eq!(last.values.iter().sum::<f64>(), views.len() as f64);
+    // The sum over the parts, and a value of each.
+    assert_eq!(last.values.len(), 1 + devices.len());
+    assert_eq!(last.values[0], views.len() as f64);
+    assert_eq!(last.values[1..].iter().sum::<f64>(), views.len() as f64);
     let losses = fitted.history.rows.iter().map(|row| row.loss).collect();
     let albedo = fitted.module.albedo.val().inner().into_data();
     (albedo.iter().collect(), losses)

@@ -4,7 +4,7 @@ use crate::common::numbers::{furthest, norm};
 use crate::common::process::again;
 use crate::common::scenes::scene_file;
 use crate::common::tensors::{gradient, radiance};
-use crate::device::{Flips, device};
+use crate::device::{Flips, device, setup};
 use burn::tensor::{DType, Device};
 use softray::prelude::*;
 
@@ -56,44 +56,15 @@ fn a_machine_without_the_device_is_an_error() {
     assert!(!errors.contains("panicked"), "{errors}");
 }
 
-/// A device that allows kernels so many storage buffers.
-fn device_of_few_bindings(most: u32) -> Device {
-    use burn::tensor::wgpu::{WgpuSetup, wgpu};
-    // Natively these are ready at once.
-    fn ready<T>(future: impl Future<Output = T>) -> T {
-        let mut context = std::task::Context::from_waker(std::task::Waker::noop());
-        match std::pin::pin!(future).poll(&mut context) {
-            std::task::Poll::Ready(value) => value,
-            std::task::Poll::Pending => panic!("it is not ready"),
-        }
-    }
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let backend = wgpu::Backend::Vulkan;
-    let adapter = ready(instance.enumerate_adapters(backend.into())).remove(0);
-    let (device, queue) = ready(adapter.request_device(&wgpu::DeviceDescriptor {
-        required_limits: wgpu::Limits {
-            max_storage_buffers_per_shader_stage: most,
-            ..adapter.limits()
-        },
-        ..Default::default()
-    }))
-    .expect("a device");
-    let setup = WgpuSetup {
-        instance,
-        adapter,
-        device,
-        queue,
-        backend,
-    };
-    Device::wgpu_options()
-        .setup(setup)
-        .init()
-        .expect("a device")
-}
-
 #[test]
 fn a_device_that_allows_too_few_bindings_is_an_error() {
-    let device = device_of_few_bindings(7);
+    use burn::tensor::wgpu::wgpu;
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let setup = setup(instance, |limits| {
+        limits.max_storage_buffers_per_shader_stage = 7;
+    });
+    let device = Device::wgpu_options().setup(setup).init();
+    let device = device.expect("a device");
     let file = scene_file("cornell", &device);
     let options = RenderOptions::new(8, 8).with_samples(1);
     let error = render(&file.scene, &file.camera, &options).expect_err("few bindings");

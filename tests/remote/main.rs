@@ -4,7 +4,13 @@
 mod bytes;
 #[path = "../common/mod.rs"]
 mod common;
+#[cfg(feature = "gpu")]
+#[path = "../gpu/device.rs"]
+mod device;
 mod faults;
+#[cfg(feature = "gpu")]
+mod gpu;
+mod predictor;
 mod same;
 mod server;
 mod training;

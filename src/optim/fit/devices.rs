@@ -121,7 +121,12 @@ pub(super) fn evaluate_over<M: Module>(
         sum = Some(match sum {
             None => (evaluation, loss),
             Some((mut first, total)) => {
-                first.values.extend(evaluation.values);
+                for (name, value) in evaluation.values {
+                    match first.values.iter_mut().find(|known| known.0 == name) {
+                        Some(known) => known.1 += value,
+                        None => first.values.push((name, value)),
+                    }
+                }
                 first.images.extend(evaluation.images);
                 first.targets.extend(evaluation.targets);
                 (first, total + loss)

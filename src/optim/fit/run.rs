@@ -73,9 +73,9 @@ impl<M: Module> Fit<M> {
     /// Like [`run`](Self::run), by one thread for each of several devices.
     ///
     /// `f` receives a copy of the module on the device of its [`Part`], and returns the loss of that part: for example
-    /// of the views of [`Part::of`]. Losses and gradients of all parts are **summed**, in the order of the devices, so a
-    /// mean over views divides by the number of all views. Values, images and targets of all parts are recorded, under
-    /// names of their own.
+    /// of the views of [`Part::of`]. Losses, gradients, and values of the same name are **summed** over the parts, in the
+    /// order of the devices, so a mean over views divides by the number of all views. Images and targets of all parts are
+    /// recorded, under names of their own.
     ///
     /// The module stays on its own device, where the optimizer steps. Each step copies its parameters to every device,
     /// and the gradients back. The result is the same whatever the order in which the threads finish, and that of one
