@@ -23,8 +23,15 @@ pub(crate) struct List {
 }
 
 impl List {
-    /// Sends lists of 32-bit numbers to a device in one transfer.
+    /// Sends lists of 32-bit numbers to a device in one transfer, as parts of one buffer. In a browser, each list has a
+    /// buffer of its own: WebGPU forbids that a launch writes to a part of a buffer and reads another part.
     pub fn send<const N: usize>(client: &Client, lists: [&[u8]; N]) -> [Self; N] {
+        if N > 1 && cfg!(target_family = "wasm") {
+            return lists.map(|list| {
+                let [sent] = Self::send(client, [list]);
+                sent
+            });
+        }
         let alignment = client.properties().memory.alignment as usize;
         let mut all = Vec::with_capacity(lists.iter().map(|l| l.len() + alignment).sum());
         let starts = lists.map(|list| {

@@ -136,12 +136,16 @@ pub(super) fn bend(
     })
 }
 
-/// Draws the directions in which paths leave matt surfaces.
+/// Draws the directions in which paths leave matt surfaces. With `FLAT`, the shading normals are the geometric ones.
 #[inline(always)]
-pub(super) fn scatter(points: Eight<Shading>, numbers: Eight<Four>) -> Eight<Scatter> {
+pub(super) fn scatter<const FLAT: bool>(
+    points: Eight<Shading>,
+    numbers: Eight<Four>,
+) -> Eight<Scatter> {
     each_lane!(Scatter, |i| {
         let drawn = Four::get(&numbers, i);
-        let shading = Shading::get(&points, i).as_matt();
+        let mut shading = Shading::get(&points, i).as_matt();
+        shading.smooth &= !FLAT;
         shading.sample(drawn.x, drawn.y, 0.0)
     })
 }
@@ -265,8 +269,12 @@ pub(super) fn connect<const CONES: bool>(
             u: numbers.z[i],
             v: numbers.w[i],
         };
-        let (shading, chance) = (point.shading.as_matt(), chances[i]);
-        let connection = target.connect(&shading, point.position, chance, false, cone);
+        let (shading, x) = (point.shading.as_matt(), point.position);
+        // All is computed whether there is a connection or not, because conditional loads are not vectorized.
+        let reflected = shading.evaluate(target.direction);
+        let mut connection = target.connection(&shading, x, reflected, chances[i], false, cone);
+        let arrives = reflected.abs().max_element() * target.angle > 0.0;
+        connection.limit = if arrives { connection.limit } else { -1.0 };
         target.direction.set(&mut directions, i);
         connection.set(&mut out, i);
     }

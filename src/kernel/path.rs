@@ -305,7 +305,11 @@ fn scatter<'a>(of: &'a PathBlock<'a>, level: &'a mut Level) {
         let drawn = *level.numbers.lanes(first);
         if level.matt[first / LANES] {
             let shadings = level.points.lanes(first).shading;
-            *level.scatters.lanes_mut(first) = eights::scatter(shadings, drawn);
+            *level.scatters.lanes_mut(first) = if shadings.smooth.iter().any(|&smooth| smooth) {
+                eights::scatter::<false>(shadings, drawn)
+            } else {
+                eights::scatter::<true>(shadings, drawn)
+            };
             continue;
         }
         for lane in lanes {

@@ -148,20 +148,41 @@ impl Target {
         by_scattering: bool,
         cone: ConeKernel,
     ) -> Connection {
-        let mut found = no_connection(position);
+        let mut reflected = splat(0.0);
         if self.angle > 0.0 {
-            found.reflected = shading.evaluate(self.direction);
+            reflected = shading.evaluate(self.direction);
         }
-        if !found.reflected.is_zero() {
-            let outer = shading.outer(self.direction);
-            let bent = bend(self.direction, outer, cone.tangent, cone.u, cone.v);
-            found.start = lifted(position, outer);
-            found.direction = bent.direction;
-            found.limit = self.limit(found.start, bent.direction);
-            found.density = self.divisor(shading, chance, by_scattering);
-            found.scale = self.angle / found.density;
+        let mut found = no_connection(position);
+        if !reflected.is_zero() {
+            found = self.connection(shading, position, reflected, chance, by_scattering, cone);
         }
         found
+    }
+
+    /// Returns the connection of a surface point to the target if there is one, as [`connect`](Self::connect) does.
+    /// `reflected` is f·cos θ at the surface. It has no branches unless the target is combined.
+    #[inline(always)]
+    pub fn connection(
+        &self,
+        shading: &Shading,
+        position: V3,
+        reflected: V3,
+        chance: f32,
+        by_scattering: bool,
+        cone: ConeKernel,
+    ) -> Connection {
+        let outer = shading.outer(self.direction);
+        let bent = bend(self.direction, outer, cone.tangent, cone.u, cone.v);
+        let start = lifted(position, outer);
+        let density = self.divisor(shading, chance, by_scattering);
+        Connection {
+            start,
+            direction: bent.direction,
+            limit: self.limit(start, bent.direction),
+            reflected,
+            density,
+            scale: self.angle / density,
+        }
     }
 
     /// Backward pass of arrived light times g: adds the derivatives with respect to the shading, and returns the

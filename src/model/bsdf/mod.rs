@@ -80,7 +80,7 @@ impl Shading {
     /// every direction.
     #[inline(always)]
     pub fn is_matt(&self) -> bool {
-        self.scatters_evenly() && !self.paired
+        self.scatters_evenly() && !self.paired && !self.mirrored
     }
 
     /// Returns it with the fields that are known for a purely diffuse material.
@@ -88,7 +88,7 @@ impl Shading {
     pub fn as_matt(mut self) -> Self {
         self.model = BsdfKind::Phong as u32;
         self.models = Models::MATT;
-        (self.glossy, self.paired) = (false, false);
+        (self.glossy, self.paired, self.mirrored) = (false, false, false);
         self
     }
 }
