@@ -273,7 +273,8 @@ pub(super) fn connect<const CONES: bool>(
         // All is computed whether there is a connection or not, because conditional loads are not vectorized.
         let reflected = shading.evaluate(target.direction);
         let mut connection = target.connection(&shading, x, reflected, chances[i], false, cone);
-        let arrives = reflected.abs().max_element() * target.angle > 0.0;
+        // The two tests of `Target::connect`, without a branch.
+        let arrives = (reflected.abs().max_element() > 0.0) & (target.angle > 0.0);
         connection.limit = if arrives { connection.limit } else { -1.0 };
         target.direction.set(&mut directions, i);
         connection.set(&mut out, i);

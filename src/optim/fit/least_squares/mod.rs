@@ -29,8 +29,8 @@ pub use residual::Residual;
 /// matrix's variance: it makes steps a little too long or too short, and does not move the point at which the fit ends.
 ///
 /// Where the loss would fall by less than its noise, each step is an estimate of the target with noise of its own. From there
-/// on the fit takes the mean of these estimates: step n of them moves the numbers by 1/n of the solution. So more steps
-/// reduce the noise of the result, as more samples do.
+/// on the fit takes the mean of these estimates, as long as the blur stays the same: step n of them moves the numbers by 1/n
+/// of the solution. So more steps reduce the noise of the result, as more samples do.
 ///
 /// *Damping.* A step tries several dampings, renders the scene at each resulting point with the same seeds, and takes
 /// the point with the least loss. If all are clearly worse than the current point, the numbers stay, and the next step begins

@@ -87,6 +87,9 @@ impl<'a, M: Module> Problem<'a, M> {
         let last = |name: &str| history.curve(name).last().map(|point| point.1);
         let [damping, averaged, _] = NAMES.map(last);
         let noise = equations.variance.sqrt();
+        // Another blur has another solution.
+        let same_blur = history.rows.last().map(|row| row.blur) == Some(self.step.blur);
+        let averaged = averaged.filter(|_| same_blur);
         // Far from the target, earlier steps do not count.
         let (damping, step, averaged) = if equations.decrease() < noise {
             let (damping, step) = equations.step_of_least_damping();
