@@ -8,6 +8,7 @@ use burn::backend::StreamId;
 use burn::tensor::Device;
 use rayon::prelude::*;
 
+use crate::accel::Parts;
 use crate::cube::*;
 
 use super::device::{List, launch};
@@ -135,18 +136,25 @@ pub(super) struct Made {
     pub table: u32,
     pub scenes: u32,
     pub threads: u32,
-    /// The largest number of parts in each level of a scene's tree.
-    pub levels: Vec<u32>,
+    /// For each launch, the largest number of parts of a scene's tree over triangles and of its tree over edges.
+    pub levels: Vec<[u32; 2]>,
     pub moves: bool,
 }
 
 impl Made {
-    /// Adds a scene's tree, of which the parts of level k are those from `first[k]` up to `first[k + 1]`.
-    pub fn add_levels(&mut self, first: &[u32]) {
-        let count = self.levels.len().max(first.len() - 1);
-        self.levels.resize(count, 0);
-        for (most, level) in self.levels.iter_mut().zip(first.windows(2)) {
-            *most = (*most).max(level[1] - level[0]);
+    /// Adds a scene's trees over triangles and over edges. The launch of level k of the former makes level k − 1 of the
+    /// latter, since leaves of edges must be made before.
+    pub fn add_levels(&mut self, trees: [&Parts; 2]) {
+        for (tree, parts) in trees.into_iter().enumerate() {
+            let levels = parts.levels.windows(2).map(|first| first[1] - first[0]);
+            for (level, count) in levels.enumerate() {
+                let launch = level + tree;
+                if self.levels.len() <= launch {
+                    self.levels.resize(launch + 1, [0; 2]);
+                }
+                let most = &mut self.levels[launch][tree];
+                *most = count.max(*most);
+            }
         }
     }
 }
@@ -277,11 +285,11 @@ impl Buffers {
                     made.moves
                 )
             );
-            // The threads of `make_lists` have made the first level.
-            for (level, &most) in made.levels.iter().enumerate().skip(1) {
+            // The threads of `make_lists` have made the first level of trees over triangles.
+            for (level, &[most, of_edges]) in made.levels.iter().enumerate().skip(1) {
                 launch!(
                     client,
-                    (made.scenes * most) as usize,
+                    (made.scenes * (most + of_edges)) as usize,
                     make_nodes(
                         floats,
                         words,
@@ -289,6 +297,7 @@ impl Buffers {
                         made.scenes,
                         level as u32,
                         most,
+                        of_edges,
                         made.moves
                     )
                 );

@@ -23,6 +23,7 @@ mod camera;
 mod counts;
 mod device;
 mod directions;
+mod edge_nodes;
 mod film;
 mod form;
 mod gradient;

@@ -11,7 +11,7 @@ use crate::scene::Constants;
 ///
 /// For each scene of a batch, by its index, it keeps the BVH, the edges of meshes and the subdivision of the edges. A
 /// BVH is refitted if triangles move. It is rebuilt if its boxes have grown by half or the number of triangles differs.
-/// Lines in which triangles intersect, and bounds of edges, are computed again only where a triangle has moved.
+/// Lines in which triangles intersect, and on CPUs bounds of edges, are computed again only where a triangle has moved.
 ///
 /// For renders on GPUs it also keeps the values of untracked tensors, so that each is read back once, and the lists of
 /// scenes, on the device and on the host. The next render uploads only changes. The memory is freed with the cache. A

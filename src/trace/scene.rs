@@ -55,7 +55,7 @@ macro_rules! lists {
                     self,
                     W::vertices | W::crossings | W::creases | W::velocities | W::vertex_rows
                         | W::triangles | W::of_edges | W::edge_kinds | W::edges_of_leaves
-                        | W::hit_numbers
+                        | W::edge_children | W::hit_numbers
                 )
             }
         }
@@ -139,13 +139,13 @@ lists! {
         groups,
         /// One end of each edge, and the vector to the other end.
         edges,
-        /// For GPUs, which compute `surfaces`, `hits`, `edges` and `edge_leaves`: each vertex as the sum of two
+        /// For GPUs, which compute `surfaces`, `edges`, nodes, leaves and `hits`: each vertex as the sum of two
         /// floats per axis, edges that are crossings, and the possible jump of color at each edge where both faces
         /// are seen.
         vertices,
         crossings,
         creases,
-        /// The trees over all edges and over moving edges, one behind the other.
+        /// The nodes of the tree over all edges, its leaves, and the leaves of a list of moving edges.
         edge_nodes,
         edge_leaves,
         /// The BVH nodes that GPUs traverse, and triangles in the form for ray intersection.
@@ -186,8 +186,8 @@ lists! {
         edges_of_leaves,
         /// For GPUs: the kind of each edge, and whether its object is closed ([`CLOSED`]).
         edge_kinds,
-        /// For both trees: where their nodes, children, leaves and edges begin, the child that a draw starts at, and
-        /// the number of children it starts at.
+        /// For both trees: where their leaves and edges begin, the child that a draw starts at, and the number of
+        /// children it starts at.
         edge_trees,
         /// The numbers of the triangles that GPUs intersect with rays.
         hit_numbers,

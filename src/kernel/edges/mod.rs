@@ -21,12 +21,16 @@ use crate::scene::HostScene;
 #[cfg(feature = "gpu")]
 use crate::trace::CLOSED;
 use crate::trace::{OF_EDGE, Scene};
+#[cfg(feature = "gpu")]
+pub(crate) use bounds::Bounds;
 use bounds::EdgeList;
 use crossings::LastCrossings;
 pub(crate) use draw::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
 #[cfg(feature = "gpu")]
-pub(crate) use draw::{LEAF, put_edge};
+pub(crate) use draw::{LEAF, NODE, put_edge, put_subtree};
 use meshes::MeshEdges;
+#[cfg(feature = "gpu")]
+pub(crate) use tree::TreeShape;
 use tree::{Division, EdgeTree};
 
 /// The largest number of faces of an edge. Further faces count as surfaces behind the edge.
@@ -282,6 +286,16 @@ impl EdgeSets {
         let meshes = kinds.partition_point(|k| k.0 != Kind::Crossing);
         let creases = kinds.par_iter().map(|k| k.1).collect();
         (kinds.par_iter().map(kind).collect(), creases, meshes)
+    }
+
+    /// Returns the shapes of the tree over all edges and of the tree over those that move.
+    #[cfg(feature = "gpu")]
+    pub fn shapes(&self) -> [&Arc<TreeShape>; 2] {
+        let moving = match &self.moving {
+            Moving::Separate(tree) => &tree.shape,
+            _ => &self.tree.shape,
+        };
+        [&self.tree.shape, moving]
     }
 
     /// Returns the tree over the edges that matter to rays: all edges for rays that move, otherwise the edges that
