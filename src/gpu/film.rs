@@ -1,7 +1,5 @@
-//! Jumps of the image at edges that the camera sees: the edges on the films of views, as pieces with a table of the
-//! films, and the kernel that samples them, with one thread per sample.
-
-use rayon::prelude::*;
+//! Jumps of the image at edges that the camera sees: the table of the films of views, the pieces of edges on them, and
+//! the kernel that samples them, with one thread per sample.
 
 use crate::cube::*;
 
@@ -12,22 +10,22 @@ use super::job::{Job, Views};
 use super::jumps::light_beside;
 use super::loss::Loss;
 use super::sums::{Adding, of_channel};
-use crate::kernel::Piece;
 use crate::model::camera::{Camera, CameraRay};
-use crate::model::film::{BLOCK, DrawnPiece, draw_piece, samples_of_film};
+use crate::model::choice::is_positive;
+use crate::model::film::{BLOCK, DrawnPiece, cell_at, draw_piece, samples_of_film};
 use crate::model::numbers::{is_finite, is_nonzero};
 use crate::model::segment::OnSegment;
 use crate::sampling::{Dimensions, LENGTH};
 use crate::trace::{
-    Exposure, FilmPoint, NO_PIXEL, NONE, OF_CONES, ON_FILM, Scene, Seen, Sums, exposure,
-    film_point, hides, sampler,
+    Exposure, FilmPiece, FilmPoint, HEADER, HeaderWord, NO_PIXEL, NONE, OF_CONES, OF_SLOT, ON_FILM,
+    Scene, Seen, Sums, exposure, film_point, hides, piece_of_slot, sampler,
 };
 
-/// Number of values of a piece of an edge: its first and last λ, its weight by how much may jump there, its edge, and
-/// its cell of the film. The weight is later replaced by a running sum within its block. The edge and the cell are
-/// whole numbers, which f32 represents up to [`WHOLE`]. Running sums over blocks follow all pieces.
-pub(super) const OF_PIECE: u32 = 5;
-pub(super) const WHOLE: f32 = 16_777_216.0;
+/// Number of values of the piece of an edge in a slot: its first and last λ, its weight by how much may jump there, and
+/// its cell of the film. The weight is later replaced by a running sum within its block. The cell is a whole number,
+/// which f32 represents up to [`WHOLE`]. Running sums over blocks follow all pieces.
+pub(super) const OF_PIECE: u32 = 4;
+pub(super) const WHOLE: u32 = 16_777_216;
 
 /// Words of the table for each view: the maximum number of samples of the views up to and including this one, the
 /// maximum number of its own samples, its first piece, the end of its pieces (exclusive), the number of blocks of the
@@ -43,11 +41,10 @@ pub(super) const TOTAL: usize = 6;
 pub(super) const SAMPLES: usize = 7;
 pub(super) const OF_FILM: u32 = 8;
 
-/// The edges on the films of views.
+/// The films of views.
 #[derive(Default)]
 pub(crate) struct Films {
-    /// [`OF_PIECE`] values for each piece, one view after another, and space for running sums over blocks.
-    pub(super) pieces: Vec<f32>,
+    /// The number of slots for pieces of edges in all views.
     pub(super) count: u32,
     /// The table, then the row of each pixel if only listed pixels are rendered.
     pub(super) table: Vec<u32>,
@@ -57,34 +54,26 @@ pub(crate) struct Films {
 }
 
 impl Films {
-    /// Creates the pieces and the table for the views of a job.
+    /// Creates the table for the views of a job.
     pub fn new(views: &[ViewPlaces], job: &Job) -> Self {
         let mut films = Self::default();
         // Limited, so that u32 can number the samples of all views.
         let most = u32::MAX / 2 / views.len().max(1) as u32;
         let samples = samples_of_film(job.of_view as u32, job.samples).min(most);
-        let pieces = |v: &ViewPlaces| v.0.film_pieces(|_| 1.0);
-        let pieces: Vec<Vec<Piece>> = views.par_iter().map(pieces).collect();
+        let headers = job.views.buffers.header().chunks_exact(HEADER);
         let mut size = 0;
-        for (&(view, ..), pieces) in views.iter().zip(&pieces) {
-            let (width, height) = (view.settings.width, view.settings.height);
-            size = (width * height) as usize;
-            let own = if pieces.is_empty() { 0 } else { samples };
+        for (&(view, ..), header) in views.iter().zip(headers) {
+            size = (view.settings.width * view.settings.height) as usize;
+            let slots = header[HeaderWord::slot_count as usize];
+            let own = if slots == 0 { 0 } else { samples };
             films.samples += own;
             let first = films.count;
-            films.count += pieces.len() as u32;
-            films.blocks += (pieces.len() as u32).div_ceil(BLOCK);
+            films.count += slots;
+            films.blocks += slots.div_ceil(BLOCK);
             films.table.extend([films.samples, own, first, films.count]);
             let radius = view.filter.radius().to_bits();
             films.table.extend([films.blocks, radius, 0, 0]);
-            let numbers = |p: &Piece| {
-                let cell = p.cell(width, height) as f32;
-                [p.from, p.to, p.weight, p.edge as f32, cell]
-            };
-            films.pieces.extend(pieces.iter().flat_map(numbers));
         }
-        let blocks = films.blocks.max(1) as usize;
-        films.pieces.resize(films.pieces.len() + blocks, 0.0);
         if let Some(pixels) = &job.pixels {
             let first = films.table.len();
             films.table.resize(first + size, u32::MAX);
@@ -94,6 +83,37 @@ impl Films {
         }
         films
     }
+
+    /// Returns the length of the list of pieces.
+    pub(super) fn of_pieces(&self) -> usize {
+        OF_PIECE as usize * self.count as usize + self.blocks.max(1) as usize
+    }
+}
+
+/// Makes the piece of an edge in a slot. Slots are numbered over all views.
+#[cube]
+pub(super) fn make_piece(
+    views: &Views,
+    films: &[u32],
+    pieces: &mut [f32],
+    of_views: u32,
+    slot: u32,
+) {
+    let view = view_of(films, of_views, slot, PAST_PIECE);
+    let film = (OF_FILM * view) as usize;
+    let scene = views.scene(view);
+    let c = camera(&scene);
+    let radius = f32::from_bits(films[film + RADIUS]);
+    let piece: FilmPiece = piece_of_slot(&scene, &c, radius, slot - films[film + FIRST_PIECE]);
+    let visible = is_positive(piece.weight);
+    let at = (OF_PIECE * slot) as usize;
+    pieces[at] = piece.from;
+    pieces[at + 1] = piece.to;
+    pieces[at + 2] = select(visible, piece.weight, 0.0);
+    // The middle of a piece that nothing sees may be any number.
+    let x = select(visible, piece.middle.x, 0.0);
+    let y = select(visible, piece.middle.y, 0.0);
+    pieces[at + 3] = cell_at(x, y, scene.width, scene.height) as f32;
 }
 
 /// Returns the view of a sample, piece or block. `word` selects the table's running count of samples, pieces or
@@ -228,7 +248,7 @@ pub(super) fn film_jumps(
             let piece = (OF_PIECE * (first + drawn.piece)) as usize;
             let on: OnSegment = drawn.point(pieces[piece], pieces[piece + 1], total, film.y);
             let c = camera(&scene);
-            let edge = pieces[piece + 3] as u32;
+            let edge = scene.slots[OF_SLOT * drawn.piece as usize];
             let mut f: FilmPoint = film_point(&scene, &c, edge, on, film_sample.total, &at);
             let mut row = NONE.runtime();
             if drawn.share > 0.0 && f.is_seen {

@@ -7,7 +7,7 @@ use burn::cubecl::prelude::*;
 use burn::tensor::{Device, Shape};
 
 use super::device::{GROUP, List, floats, has_room, launch, rows_of, without_backtrace, zeros};
-use super::film::{FilmSamplesLaunch, Films, OF_PIECE, WHOLE, film_jumps};
+use super::film::{FilmSamplesLaunch, Films, WHOLE, film_jumps};
 use super::form::Form;
 use super::gradient::{Table, ViewPlaces, write_gradient};
 use super::job::{Job, Outputs, PATHS, Piece};
@@ -16,7 +16,8 @@ use super::passes::{add_jumps, go_back, keep_paths};
 use super::records::{JUMPED, RECORD};
 use super::searches::{add_before, blocks_of, count_searches, in_order, words_of_order};
 use super::sums::{AddingLaunch, MORE, add_replicas, bits_of_each, choose_scales};
-use crate::device::{self, label, stage};
+use crate::device::{self, label};
+use crate::model::film::CELL;
 use crate::trace::{BOUNCES, Features};
 
 /// Maximum number of words of the paths' records in a launch, unless one path needs more.
@@ -29,7 +30,7 @@ const MEASURED: usize = 4096;
 ///
 /// # Panics
 /// Panics if buffers cannot be allocated, if kernels cannot be compiled, if the device has no room for the edges on
-/// films or the table of pixels, or if the index of an edge or of a cell reaches [`WHOLE`].
+/// films or the table of pixels, or if an image has [`WHOLE`] cells.
 pub(crate) fn gradient_of(
     device: &Device,
     upstream: &FloatTensor<Cube>,
@@ -64,24 +65,26 @@ pub(crate) fn gradient_of(
     gradient
 }
 
-/// Returns the edges on the films of a job's views. Otherwise returns a message about what the device lacks for these
-/// or for `more` lists.
+/// Returns the films of a job's views. Otherwise returns a message about what the device lacks for the edges on them or
+/// for `more` lists.
 pub(super) fn films_of(
     device: &Device,
     views: &[ViewPlaces],
     job: &Job,
     more: &[(&str, usize)],
 ) -> Result<Films, String> {
-    let films = stage("edges on films", || Films::new(views, job));
+    let films = Films::new(views, job);
     let lists = [
-        ("the list of edges on films", films.pieces.len()),
+        ("the list of edges on films", films.of_pieces()),
         ("the table of pixels", films.table.len()),
     ];
     has_room(device, &[&lists, more].concat())?;
-    let pieces = films.pieces.chunks_exact(OF_PIECE as usize);
-    let mut pieces = pieces.take(films.count as usize);
-    match pieces.any(|p| p[3].max(p[4]) >= WHOLE) {
-        true => Err(format!("more than {WHOLE} edges or cells of 8 × 8 pixels")),
+    let of_image = |v: &ViewPlaces| {
+        let [columns, rows] = [v.0.settings.width, v.0.settings.height].map(|n| n.div_ceil(CELL));
+        u64::from(columns) * u64::from(rows)
+    };
+    match views.iter().any(|v| of_image(v) >= u64::from(WHOLE)) {
+        true => Err(format!("{WHOLE} or more cells of 8 × 8 pixels")),
         false => Ok(films),
     }
 }
@@ -125,10 +128,9 @@ impl<'a> Pass<'a> {
         let at_once = (RECORDS / of_path).clamp(1, job.count() * job.samples as usize);
         let order = words_of_order(at_once * points(job));
         let bits = bits_of_each(most_derivatives(job, form, films, at_once) as u64);
-        let [pieces, table, scales, sizes, first, second] = List::send(
+        let [table, scales, sizes, first, second] = List::send(
             &client,
             [
-                f32::as_bytes(&films.pieces),
                 u32::as_bytes(&films.table),
                 f32::as_bytes(&form.scales(bits, job.views.views)),
                 u32::as_bytes(&vec![0; form.parts]),
@@ -140,7 +142,7 @@ impl<'a> Pass<'a> {
             scene: job.lists(&client),
             numbers: upstream.unwrap_or_else(|| first.clone()),
             records: List::room(&client, of_path * at_once + order),
-            pieces,
+            pieces: List::room(&client, films.of_pieces()),
             table,
             scales,
             form,

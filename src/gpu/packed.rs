@@ -11,9 +11,10 @@ use super::buffers::{Buffers, Made, Plan};
 use super::edge_nodes::BOUNDS;
 use super::sums::Places;
 use crate::accel::{GpuTree, LANES, OF_NODE, Parts, hit_stride};
+use crate::device::stage;
 use crate::kernel::{LEAF, NODE, TreeShape, View};
 use crate::model::triangle::NUMBERS;
-use crate::trace::{Derivatives, Features, HEADER, HeaderWord, Scene};
+use crate::trace::{Derivatives, Features, HEADER, HeaderWord, OF_SLOT, Scene};
 
 /// Number of words of a tree over edges in [`Scene::edge_trees`]: the starts of its leaves and of their edges, the child
 /// at which a draw starts, and the number of children at which it starts.
@@ -51,6 +52,9 @@ pub(crate) fn pack(
         .collect();
     let pack = |v: usize| (of_view[v] == v).then(|| OfScene::new(views[v]));
     let scenes: Vec<Option<OfScene>> = (0..views.len()).into_par_iter().map(pack).collect();
+    let slots = stage("edges on films", || -> Vec<Slots> {
+        views.par_iter().map(|view| Slots::new(view)).collect()
+    });
     let scene = |v: usize| {
         scenes[of_view[v]]
             .as_ref()
@@ -82,7 +86,8 @@ pub(crate) fn pack(
                 past += 1;
             }
             let (group, rest) = list.split_at(past);
-            let of_group = group.iter().map(|&v| (views[v], of_view[v], scene(v)));
+            let of_group = group.iter();
+            let of_group = of_group.map(|&v| (views[v], of_view[v], scene(v), &slots[v]));
             let packed = Packed::new(
                 of_group.collect(),
                 features,
@@ -109,19 +114,21 @@ fn alike<K: PartialEq>(count: usize, key: impl Fn(usize) -> K) -> Vec<Vec<usize>
 }
 
 impl Packed {
-    /// Packs views, each given with the index of its scene and the lists that only GPUs need.
+    /// Packs views, each given with the index of its scene, the lists that only GPUs need, and its slots.
     fn new(
-        views: Vec<(&View, usize, &OfScene)>,
+        views: Vec<(&View, usize, &OfScene, &Slots)>,
         features: Features,
         derivatives: Derivatives,
         last: Buffers,
     ) -> Self {
-        let sums = Places::new(views.iter().map(|&(view, scene, _)| (view, scene)));
+        let sums = Places::new(views.iter().map(|&(view, scene, ..)| (view, scene)));
         let (mut floats, mut words) = (Plan::default(), Plan::after(views.len() * HEADER));
         let mut headers = vec![[0; HEADER]; views.len()];
         let scenes = views.iter().zip(&sums.first);
-        let scenes = scenes.map(|(&(view, _, of_scene), first_sums)| Scene {
+        let scenes = scenes.map(|(&(view, _, of_scene, slots), first_sums)| Scene {
             first_sums,
+            slots: slots.words.as_flattened(),
+            slot_count: slots.count,
             ..of_scene.add_to(view.lists())
         });
         let scenes: Vec<Scene> = scenes.collect();
@@ -142,7 +149,7 @@ impl Packed {
         };
         let mut table = Vec::new();
         let mut known = HashMap::new();
-        for (v, &(_, number, of_scene)) in views.iter().enumerate() {
+        for (v, &(_, number, of_scene, _)) in views.iter().enumerate() {
             let rooms = *known.entry(number).or_insert_with(|| {
                 let [faces, hits, edges, _, leaves, _, parts] = of_scene.made;
                 let tree = &of_scene.tree;
@@ -188,6 +195,24 @@ impl Packed {
     }
 }
 
+/// The slots for pieces of edges on a view's film. Room is left behind them, so that lists rarely change in size.
+struct Slots {
+    words: Vec<[u32; OF_SLOT]>,
+    count: u32,
+}
+
+impl Slots {
+    fn new(view: &View) -> Self {
+        let mut words = view.film_slots(|slot, _| Some(slot));
+        let count = words.len();
+        words.resize(count.next_power_of_two(), [0; OF_SLOT]);
+        Self {
+            words,
+            count: count as u32,
+        }
+    }
+}
+
 /// The lists of a scene that only GPUs need, beside the lists of the host.
 #[derive(Default)]
 pub(super) struct OfScene {
@@ -200,8 +225,6 @@ pub(super) struct OfScene {
     edge_shape: Arc<TreeShape>,
     edges_of_leaves: Vec<u32>,
     edge_trees: Vec<[u32; OF_TREE as usize]>,
-    edge_kinds: Vec<u32>,
-    creases: Vec<f32>,
     vertices: Vec<[[f32; 3]; 2]>,
     /// The numbers of items that the device makes: triangles, triangles for rays, edges, edges of meshes among these,
     /// leaves of trees over edges, those below nodes among these, and parts of the first level of the tree over
@@ -237,9 +260,7 @@ impl OfScene {
                 let leaves = LEAF as u32 * first;
                 (this.edge_trees).push([leaves, first, root.start, root.count]);
             }
-            let meshes;
-            (this.edge_kinds, this.creases, meshes) = sets.kinds();
-            this.made[2..4].copy_from_slice(&[this.edge_kinds.len() as u32, meshes as u32]);
+            this.made[2..4].copy_from_slice(&sets.counts());
         }
         let triangles = lists.triangles.len();
         let hits = this.tree.triangles.len();
@@ -290,8 +311,6 @@ impl OfScene {
             vertex_corners: &self.vertex_corners,
             edge_children: &self.edge_shape.children,
             edges_of_leaves: &self.edges_of_leaves,
-            edge_kinds: &self.edge_kinds,
-            creases: &self.creases,
             vertices: self.vertices.as_flattened().as_flattened(),
             crossings: &scene.edges[6 * self.made[3] as usize..],
             surfaces: &[],

@@ -6,7 +6,7 @@ use crate::cube::*;
 use super::device::{List, launch};
 use super::film::{
     BLOCKS, FIRST_PIECE, MAX_SAMPLES, OF_FILM, OF_PIECE, PAST_PIECE, RADIUS, SAMPLES, TOTAL,
-    blocks_before, view_of,
+    blocks_before, make_piece, view_of,
 };
 use super::job::Views;
 use super::launch_backward::Pass;
@@ -18,8 +18,8 @@ use crate::model::numbers::{is_finite, is_nonzero};
 use crate::trace::{Features, HeaderWord, NONE};
 
 impl Pass<'_> {
-    /// Determines how much the loss depends on pixels. It completes the weights of edges on films and their table,
-    /// and sets the scales of views.
+    /// Determines how much the loss depends on pixels. It makes the pieces of edges on films, completes the table of
+    /// films, and sets the scales of views.
     pub fn look_at_pixels(&self) {
         let (client, job, films) = (&self.client, self.job, self.films);
         let (table, pieces) = (&self.table, &self.pieces);
@@ -46,10 +46,25 @@ impl Pass<'_> {
                 job.pixels.is_some()
             )
         );
+        let of_scene = job.views.features;
+        let shape = Features {
+            moves: of_scene.moves,
+            parallel: of_scene.parallel,
+            ..Features::default()
+        };
         launch!(
             client,
-            all,
-            look_around(grid(), table, &cells, &near, &of_rows)
+            all + count as usize,
+            look_around(
+                job.views(&self.client, &self.scene, shape),
+                grid(),
+                table,
+                &cells,
+                &near,
+                &of_rows,
+                pieces,
+                count
+            )
         );
         if films.blocks > 0 {
             launch!(
@@ -170,10 +185,24 @@ fn look_at_cells(
 }
 
 /// Computes how much the loss depends on the pixels that see a point of a cell, one thread per cell. The threads of
-/// the first column also sum the values of their rows of cells.
+/// the first column also sum the values of their rows of cells. Further threads make the pieces in `slots` slots.
 #[cube(launch)]
-fn look_around(grid: Grid, films: &[u32], cells: &[f32], near: &mut [f32], rows: &mut [f32]) {
-    if ABSOLUTE_POS < grid.cells() as usize {
+fn look_around(
+    views: Views,
+    grid: Grid,
+    films: &[u32],
+    cells: &[f32],
+    near: &mut [f32],
+    rows: &mut [f32],
+    pieces: &mut [f32],
+    slots: u32,
+) {
+    let others = grid.cells() as usize;
+    if ABSOLUTE_POS >= others && ABSOLUTE_POS < others + slots as usize {
+        let slot = (ABSOLUTE_POS - others) as u32;
+        make_piece(&views, films, pieces, grid.views, slot);
+    }
+    if ABSOLUTE_POS < others {
         let cell = grid.cell(ABSOLUTE_POS as u32);
         let column = cell.column;
         let row = cell.row;
@@ -216,7 +245,7 @@ fn sum_blocks(grid: Grid, films: &[u32], near: &[f32], pieces: &mut [f32], count
         let mut sum = 0.0f32;
         for i in first..past {
             let at = (OF_PIECE * i) as usize;
-            let weight = pieces[at + 2] * near[(cells + pieces[at + 4] as u32) as usize];
+            let weight = pieces[at + 2] * near[(cells + pieces[at + 3] as u32) as usize];
             if weight > 0.0 {
                 sum += weight;
             }

@@ -25,8 +25,6 @@ mod tests;
 mod view;
 mod walk;
 
-#[cfg(feature = "gpu")]
-pub(crate) use boundary::Piece;
 pub(crate) use boundary::{FilmEdges, PixelGradients};
 #[cfg(feature = "gpu")]
 pub(crate) use edges::{

@@ -11,6 +11,18 @@ pub(crate) const CELL: u32 = 8;
 /// Weight of the pixels of neighboring cells, relative to a cell's own.
 pub(crate) const NEIGHBORS: f32 = 0.1;
 
+/// Offset of cells from pixels, so that rounding does not move points of symmetric scenes to other cells.
+const OFFSET: f32 = 0.137;
+
+/// Returns the index of the cell around a film point. Cells are numbered row by row.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+pub(crate) fn cell_at(x: f32, y: f32, width: u32, height: u32) -> u32 {
+    let x = min(max(x + OFFSET, 0.0), width as f32 - 1.0) as u32 / CELL;
+    let y = min(max(y + OFFSET, 0.0), height as f32 - 1.0) as u32 / CELL;
+    y * width.div_ceil(CELL) + x
+}
+
 /// Number of edge pieces whose weights are summed as one block.
 pub(crate) const BLOCK: u32 = 128;
 

@@ -20,15 +20,14 @@ pub(crate) struct OnSegment {
 
 /// Returns the part of a range of λ on which a linear function, f at λ = 0 and g at λ = 1, is not negative. If there
 /// is no such part, the returned range ends before it starts.
-pub(crate) fn clip_linear([from, to]: [f32; 2], f: f32, g: f32) -> [f32; 2] {
-    if f < 0.0 && g < 0.0 {
-        [from, -1.0]
-    } else if f < 0.0 {
-        [max(from, f / (f - g)), to]
-    } else if g < 0.0 {
-        [from, min(to, f / (f - g))]
-    } else {
-        [from, to]
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+pub(crate) fn clip_linear(part: Part, f: f32, g: f32) -> Part {
+    let root = f / (f - g);
+    let to = select(g < 0.0, min(part.to, root), part.to);
+    Part {
+        from: select(f < 0.0, max(part.from, root), part.from),
+        to: select(max(f, g) < 0.0, -1.0f32, to),
     }
 }
 
@@ -105,10 +104,14 @@ mod tests {
 
     #[test]
     fn ranges_clipped_where_a_quantity_is_negative() {
-        assert_eq!(clip_linear([0.0, 1.0], 1.0, 2.0), [0.0, 1.0]);
-        assert_eq!(clip_linear([0.0, 1.0], -1.0, 3.0), [0.25, 1.0]);
-        assert_eq!(clip_linear([0.5, 1.0], 3.0, -1.0), [0.5, 0.75]);
-        let [from, to] = clip_linear([0.0, 1.0], -1.0, -2.0);
+        let clipped = |from: f32, f: f32, g: f32| {
+            let part = clip_linear(Part { from, to: 1.0 }, f, g);
+            [part.from, part.to]
+        };
+        assert_eq!(clipped(0.0, 1.0, 2.0), [0.0, 1.0]);
+        assert_eq!(clipped(0.0, -1.0, 3.0), [0.25, 1.0]);
+        assert_eq!(clipped(0.5, 3.0, -1.0), [0.5, 0.75]);
+        let [from, to] = clipped(0.0, -1.0, -2.0);
         assert!(from > to);
     }
 

@@ -55,7 +55,7 @@ pub(crate) struct EdgePoint {
 pub(crate) const OF_EDGE: usize = 10;
 pub(crate) const ROWS_OF_EDGE: u32 = 4;
 const OBJECT_OF_EDGE: u32 = 8;
-const IS_CROSSING: u32 = 9;
+pub(super) const IS_CROSSING: u32 = 9;
 
 /// Returns an edge at a time, without its object's motion; the point on it is not set yet.
 #[cfg_attr(feature = "gpu", cube)]

@@ -2,7 +2,7 @@
 //!
 //! `scene` defines the lists, `features` what they contain, and `pixel` what a camera ray sees. `corners`, `texture` and `surface` build the surface
 //! point that a ray hits, `lights` connects it to lights, and `leaving` continues the path, with random `numbers`.
-//! `edge_search`, `edge_points`, `edge_sides`, `jumps` and `film` compute boundary terms at edges.
+//! `edge_search`, `edge_points`, `edge_sides`, `jumps`, `film` and `film_pieces` compute boundary terms at edges.
 //!
 //! Each stage stands next to its backward pass, which adds derivatives to `sums`, by `parts`; in kernels these are
 //! `totals`. The callers in `kernel` and `gpu` run the stages, trace rays and keep records.
@@ -22,6 +22,7 @@ mod edge_search;
 mod edge_sides;
 mod features;
 mod film;
+mod film_pieces;
 mod jumps;
 mod leaving;
 mod lights;
@@ -41,6 +42,7 @@ pub(crate) use edge_search::*;
 pub(crate) use edge_sides::*;
 pub(crate) use features::{Derivatives, Features};
 pub(crate) use film::*;
+pub(crate) use film_pieces::*;
 pub(crate) use jumps::*;
 pub(crate) use leaving::*;
 pub(crate) use lights::*;

@@ -139,12 +139,12 @@ lists! {
         groups,
         /// One end of each edge, and the vector to the other end.
         edges,
+        /// The possible jump of color at each edge where both faces are seen.
+        creases,
         /// For GPUs, which compute `surfaces`, `edges`, nodes, leaves and `hits`: each vertex as the sum of two
-        /// floats per axis, edges that are crossings, and the possible jump of color at each edge where both faces
-        /// are seen.
+        /// floats per axis, and edges that are crossings.
         vertices,
         crossings,
-        creases,
         /// The nodes of the tree over all edges, its leaves, and the leaves of a list of moving edges.
         edge_nodes,
         edge_leaves,
@@ -184,8 +184,10 @@ lists! {
         of_edges,
         edge_children,
         edges_of_leaves,
-        /// For GPUs: the kind of each edge, and whether its object is closed ([`CLOSED`]).
+        /// The kind of each edge, and whether its object is closed ([`CLOSED`]).
         edge_kinds,
+        /// For GPUs: the slots for pieces of edges on the film ([`OF_SLOT`](super::OF_SLOT)), and then room.
+        slots,
         /// For both trees: where their leaves and edges begin, the child that a draw starts at, and the number of
         /// children it starts at.
         edge_trees,
@@ -215,6 +217,8 @@ lists! {
         sky_height,
         /// The number of triangles that are intersected without a BVH.
         hit_count,
+        /// The number of slots.
+        slot_count,
         width,
         height,
         bounces,

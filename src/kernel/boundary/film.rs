@@ -10,7 +10,7 @@ use macro_rules_attribute::apply;
 
 use super::beside::light_beside;
 use super::film_edges::FilmEdges;
-use super::pieces::PixelGradients;
+use super::pixels::PixelGradients;
 use crate::accel::stage;
 use crate::kernel::gradient::HostSums;
 use crate::kernel::shares::ON_FILM as FILM;

@@ -18,9 +18,7 @@ use super::scene::KernelScene;
 use crate::model::V3;
 use crate::model::edge_weight::{BORDER, CROSSING, FOLD};
 use crate::scene::HostScene;
-#[cfg(feature = "gpu")]
-use crate::trace::CLOSED;
-use crate::trace::{OF_EDGE, Scene};
+use crate::trace::{CLOSED, OF_EDGE, Scene};
 #[cfg(feature = "gpu")]
 pub(crate) use bounds::Bounds;
 use bounds::EdgeList;
@@ -67,6 +65,11 @@ impl Edge {
         wanted.objects[self.object as usize] != 0
     }
 
+    /// Returns its word in [`Scene::edge_kinds`].
+    fn kind_word(&self) -> u32 {
+        self.kind as u32 | if self.closed { CLOSED } else { 0 }
+    }
+
     /// Returns its words in a list ([`EdgePoint`](crate::trace::EdgePoint)).
     fn words(&self) -> [u32; OF_EDGE] {
         let crossing = u32::from(self.kind == Kind::Crossing) + u32::from(self.apart);
@@ -95,9 +98,10 @@ pub(super) struct Edges {
     /// The numbers and words that stages read.
     flat: Vec<[[f32; 3]; 2]>,
     words: Vec<[u32; OF_EDGE]>,
-    /// Values that only trees and films use: the kind, the bound of the jump of colors, and whether the object is
-    /// closed.
-    kinds: Vec<(Kind, f32, bool)>,
+    /// Values that only trees and films use: the kind and whether the object is closed, and the bound of the jump of
+    /// colors.
+    kinds: Vec<u32>,
+    creases: Vec<f32>,
     /// Whether each edge differs from the last render's at the same place, or may do so.
     changed: Vec<bool>,
 }
@@ -119,21 +123,20 @@ impl Edges {
         let all = flat
             .zip(&mut self.words[first..])
             .zip(&mut self.kinds[first..])
+            .zip(&mut self.creases[first..])
             .zip(&mut self.changed[first..]);
         let has_moved = |&face: &u32| match moved {
             Some(moved) => moved.get(face as usize).copied().unwrap_or(false),
             None => true,
         };
         all.enumerate()
-            .for_each(|(i, (((flat, words), kind), changed))| {
+            .for_each(|(i, ((((flat, words), kind), crease), changed))| {
                 let e = edge(i);
-                let new = (
-                    [e.a, e.along].map(V3::to_array),
-                    e.words(),
-                    (e.kind, e.crease, e.closed),
-                );
-                *changed = new != (*flat, *words, *kind) || e.faces[..2].iter().any(has_moved);
-                (*flat, *words, *kind) = new;
+                let ends = [e.a, e.along].map(V3::to_array);
+                let new = (ends, e.words(), e.kind_word(), e.crease);
+                let last = (*flat, *words, *kind, *crease);
+                *changed = new != last || e.faces[..2].iter().any(has_moved);
+                (*flat, *words, *kind, *crease) = new;
             });
     }
 
@@ -141,24 +144,32 @@ impl Edges {
     fn resize(&mut self) {
         self.flat.resize(self.count, Default::default());
         self.words.resize(self.count, Default::default());
-        self.kinds.resize(self.count, (Kind::Border, 0.0, false));
+        self.kinds.resize(self.count, BORDER);
+        self.creases.resize(self.count, 0.0);
         self.changed.resize(self.count, true);
     }
 
     pub fn get(&self, i: usize) -> Edge {
         let [k, l, m, n, a, b, c, d, object, crossing] = self.words[i];
         let [start, along] = self.flat[i].map(V3::from);
-        let (kind, crease, closed) = self.kinds[i];
         Edge {
             a: start,
             along,
             faces: [k, l, m, n],
             rows: [[a, b], [c, d]],
             object,
-            kind,
-            crease,
-            closed,
+            kind: self.kind(i),
+            crease: self.creases[i],
+            closed: self.kinds[i] >= CLOSED,
             apart: crossing == 2,
+        }
+    }
+
+    fn kind(&self, i: usize) -> Kind {
+        match self.kinds[i] % CLOSED {
+            FOLD => Kind::Fold,
+            BORDER => Kind::Border,
+            _ => Kind::Crossing,
         }
     }
 
@@ -272,20 +283,16 @@ impl EdgeSets {
     pub fn add_to<'a>(&'a self, scene: &mut Scene<'a>) {
         scene.edges = self.edges.flat.as_flattened().as_flattened();
         scene.of_edges = self.edges.words.as_flattened();
+        scene.edge_kinds = &self.edges.kinds;
+        scene.creases = &self.edges.creases;
     }
 
-    /// Returns the kind of each edge, the bound of the jump of its colors, and the number of mesh edges, which come
-    /// first.
+    /// Returns the number of edges, and of mesh edges among these, which come first.
     #[cfg(feature = "gpu")]
-    pub fn kinds(&self) -> (Vec<u32>, Vec<f32>, usize) {
-        let kinds = &self.edges.kinds;
-        let kind = |&(kind, _, closed): &(Kind, f32, bool)| match closed {
-            true => kind as u32 | CLOSED,
-            false => kind as u32,
-        };
-        let meshes = kinds.partition_point(|k| k.0 != Kind::Crossing);
-        let creases = kinds.par_iter().map(|k| k.1).collect();
-        (kinds.par_iter().map(kind).collect(), creases, meshes)
+    pub fn counts(&self) -> [u32; 2] {
+        let edges = &self.edges;
+        let meshes = |k: &u32| k % CLOSED != CROSSING;
+        [edges.count, edges.kinds.partition_point(meshes)].map(|n| n as u32)
     }
 
     /// Returns the shapes of the tree over all edges and of the tree over those that move.

@@ -143,7 +143,7 @@ type Divided = (Vec<u32>, Shape);
 
 /// Divides edges. Edges of meshes come first, and their last division is reused if possible.
 fn divided(source: &EdgeList, list: &[u32], of_meshes: &mut Division) -> Divided {
-    let is_of_mesh = |&i: &u32| source.edges.kinds[i as usize].0 != Kind::Crossing;
+    let is_of_mesh = |&i: &u32| source.edges.kind(i as usize) != Kind::Crossing;
     let (meshes, crossings) = list.split_at(list.partition_point(is_of_mesh));
     let own = |division: &Division, list: &[u32]| {
         let order = division.order.iter().map(|&place| list[place as usize]);

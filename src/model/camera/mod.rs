@@ -161,7 +161,7 @@ impl Camera {
 
     /// Returns 1 over the divisor of a point's coordinates.
     #[inline(always)]
-    fn per_depth(&self, depth: f32) -> f32 {
+    pub fn per_depth(&self, depth: f32) -> f32 {
         let mut inverse = 1.0f32;
         if !self.parallel {
             inverse = 1.0 / depth;
@@ -239,7 +239,7 @@ impl Camera {
 }
 
 /// Number of floats of a camera in a list.
-pub(crate) const NUMBERS: usize = 31;
+pub(crate) const NUMBERS: usize = 32;
 
 impl Camera {
     /// Returns the camera's floats in a list.
@@ -254,12 +254,13 @@ impl Camera {
         {
             to.copy_from_slice(&v.to_array());
         }
-        numbers[28..].copy_from_slice(&[self.width, self.height, self.filter]);
+        let others = [self.width, self.height, self.filter, self.aperture];
+        numbers[28..].copy_from_slice(&others);
         numbers
     }
 }
 
-/// Reads the camera at the start of a list, for rays and film points.
+/// Reads the camera at the start of a list.
 #[cfg(feature = "gpu")]
 #[cube]
 pub(crate) fn camera_at(list: &[f32], parallel: bool) -> Camera {
@@ -277,7 +278,7 @@ pub(crate) fn camera_at(list: &[f32], parallel: bool) -> Camera {
             y: vector(list, 21u32),
             z: vector(list, 24u32),
         },
-        aperture: 0.0f32.runtime(),
+        aperture: list[31],
         per_focus: list[27],
         parallel,
         width: list[28],
