@@ -7,8 +7,10 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::buffers::{Buffers, Made, Plan};
+use super::buffers::{Buffers, Made};
 use super::edge_nodes::BOUNDS;
+use super::placed::{Row, ViewPlaces};
+use super::plan::Plan;
 use super::sums::Places;
 use crate::accel::{GpuTree, LANES, OF_NODE, Parts, hit_stride};
 use crate::device::stage;
@@ -35,11 +37,15 @@ pub(crate) struct Packed {
 }
 
 /// Packs views in groups that use the same kernels. Returns the indices of the views of each group, and the packed
-/// group. The buffers of the last render are reused where possible.
+/// group. The buffers of the last render are reused where possible. The device places tensors of a `row`, if there is
+/// one.
 pub(crate) fn pack(
-    views: &[&View],
+    all: &[ViewPlaces],
+    row: Option<&Row>,
     mut last: impl Iterator<Item = Buffers>,
 ) -> Vec<(Vec<usize>, Packed)> {
+    let views: Vec<&View> = all.iter().map(|v| v.0).collect();
+    let views = &views[..];
     // Views of one scene share the lists of the first such view.
     let mut known = HashMap::new();
     let of_view: Vec<usize> = (0..views.len())
@@ -88,12 +94,16 @@ pub(crate) fn pack(
             let (group, rest) = list.split_at(past);
             let of_group = group.iter();
             let of_group = of_group.map(|&v| (views[v], of_view[v], scene(v), &slots[v]));
-            let packed = Packed::new(
+            let mut packed = Packed::new(
                 of_group.collect(),
                 features,
                 derivatives,
                 last.next().unwrap_or_default(),
             );
+            if let Some((row, buffers)) = row.zip(Arc::get_mut(&mut packed.buffers)) {
+                let of_group: Vec<ViewPlaces> = group.iter().map(|&v| all[v]).collect();
+                buffers.place(row, &of_group);
+            }
             groups.push((group.to_vec(), packed));
             list = rest;
         }
@@ -114,6 +124,29 @@ fn alike<K: PartialEq>(count: usize, key: impl Fn(usize) -> K) -> Vec<Vec<usize>
 }
 
 impl Packed {
+    /// Returns the group without its buffers.
+    pub fn without_buffers(&self) -> Self {
+        Self {
+            buffers: Arc::default(),
+            sums: self.sums.clone(),
+            ..*self
+        }
+    }
+
+    /// Returns the group in the buffers of the last render, for views that differ only in their random numbers and in
+    /// tensors of a row, which the device places. Returns `None` if the buffers are no longer on the device.
+    pub fn again(&self, views: &[ViewPlaces], row: &Row, last: Buffers) -> Option<Self> {
+        let seeds: Vec<&[u32]> = views.iter().map(|v| v.0.lists().seeds).collect();
+        let headers = last.header().chunks(HEADER);
+        let places = headers.map(|header| header[HeaderWord::seeds as usize]);
+        let seeds: Vec<(u32, &[u32])> = places.zip(seeds).collect();
+        let buffers = last.again(row, views, &seeds)?;
+        Some(Self {
+            buffers: Arc::new(buffers),
+            ..self.without_buffers()
+        })
+    }
+
     /// Packs views, each given with the index of its scene, the lists that only GPUs need, and its slots.
     fn new(
         views: Vec<(&View, usize, &OfScene, &Slots)>,

@@ -295,6 +295,15 @@ impl EdgeSets {
         [edges.count, edges.kinds.partition_point(meshes)].map(|n| n as u32)
     }
 
+    /// Returns whether derivatives are required with respect to a body that intersects another one.
+    #[cfg(feature = "gpu")]
+    pub fn crossings_move(&self, scene: &KernelScene, wanted: &Wanted) -> bool {
+        // They come last.
+        let edges = (0..self.edges.count).rev().map(|i| self.edges.get(i));
+        let mut crossings = edges.take_while(|e| e.kind == Kind::Crossing);
+        crossings.any(|e| e.moves(scene, wanted))
+    }
+
     /// Returns the shapes of the tree over all edges and of the tree over those that move.
     #[cfg(feature = "gpu")]
     pub fn shapes(&self) -> [&Arc<TreeShape>; 2] {
