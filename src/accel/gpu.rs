@@ -23,8 +23,8 @@ pub(crate) struct GpuTree {
 /// and then the upper ones. The bits of the next two numbers are the children, and the last two are unused.
 pub(crate) const OF_NODE: u32 = 16;
 
-/// Connected parts of a tree, for each of which one thread computes the boxes. They are ordered by levels: boxes of a
-/// level depend only on boxes of the same part and of earlier levels.
+/// Connected parts of a tree, for each of which one thread computes the nodes. They are ordered by levels: nodes of a
+/// level depend only on nodes of the same part and of earlier levels.
 #[derive(Default)]
 pub(crate) struct Parts {
     /// All nodes, part by part, children before their parents.
@@ -68,7 +68,8 @@ impl GpuTree {
             }
             None => tree.triangles = (0..triangles.len() as u32).collect(),
         }
-        tree.parts = Parts::new(&tree.nodes);
+        let node = |child: Child| (child & LEAF == 0).then_some((child - CHILD) as usize / 4);
+        tree.parts = Parts::new(&tree.nodes, node);
         tree
     }
 
@@ -115,14 +116,16 @@ impl GpuTree {
 }
 
 impl Parts {
-    fn new(nodes: &[[Child; 2]]) -> Self {
+    /// Divides a tree, given by the children of its nodes. A node is directly followed by all nodes below it. `node`
+    /// returns the index of a child that is a node.
+    pub fn new<const N: usize>(nodes: &[[u32; N]], node: impl Fn(u32) -> Option<usize>) -> Self {
         // Sums over each node and all nodes below it.
         let sums = |of_node: &dyn Fn(usize) -> u32| {
             let mut sums = vec![0; nodes.len()];
             for (at, children) in nodes.iter().enumerate().rev() {
-                let inner = children.iter().filter(|&&child| child & LEAF == 0);
-                let below = inner.map(|child| sums[(child - CHILD) as usize / 4]);
-                sums[at] = of_node(at) + below.sum::<u32>();
+                let inner = children.iter().filter_map(|&child| node(child));
+                let below = inner.map(|child| sums[child]).sum::<u32>();
+                sums[at] = of_node(at) + below;
             }
             sums
         };

@@ -20,7 +20,7 @@ mod wide;
 pub(crate) use build::Spare;
 pub(crate) use candidates::{Counts, Reach};
 #[cfg(feature = "gpu")]
-pub(crate) use gpu::{CHILD, CHILDREN, GpuTree, LEAF, OF_NODE, OTHERS, hit_stride};
+pub(crate) use gpu::{CHILD, CHILDREN, GpuTree, LEAF, OF_NODE, OTHERS, Parts, hit_stride};
 pub(crate) use hierarchy::{Hierarchy, LastHierarchy};
 pub(crate) use overlaps::Overlaps;
 pub(crate) use rays::{Hit, HitRay, NOTHING};

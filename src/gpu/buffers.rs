@@ -1,132 +1,21 @@
 //! The lists of scenes in two buffers, one of floats and one of words, which stay on the device from render to
 //! render. Only blocks that have changed since the last render are sent.
 
-use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use crate::accel::Parts;
+use crate::cube::*;
 use burn::backend::StreamId;
 use burn::tensor::Device;
-use rayon::prelude::*;
-
-use crate::cube::*;
 
 use super::device::{List, launch};
 use super::made::make_lists;
 use super::nodes::make_nodes;
+use super::placed::{Placing, Report, Row, ViewPlaces};
+use super::plan::{BLOCK, Buffer, Plan};
 
-/// Number of words in a block.
-const BLOCK: usize = 1024;
-/// Lists begin at multiples of this number of words, which kernels may load at once.
-const FOUR: usize = 4;
 /// Maximum number of blocks in one transfer: 64 MiB.
 const AT_ONCE: usize = 1 << 14;
-
-/// Lists of 32-bit numbers, one after another, each stored once.
-#[derive(Default)]
-pub(super) struct Plan<'a> {
-    /// The start of each list, the list, and whether lists that the device makes depend on it.
-    lists: Vec<(usize, &'a [u32], bool)>,
-    length: usize,
-    /// The starts of lists by their addresses and lengths.
-    known: HashMap<(*const u32, usize), u32>,
-}
-
-impl<'a> Plan<'a> {
-    /// Returns where a list begins, and adds the list if it is new.
-    pub fn place<T: CubeElement>(&mut self, list: &'a [T], shapes: bool) -> u32 {
-        let list: &[u32] = u32::from_bytes(T::as_bytes(list));
-        let key = (list.as_ptr(), list.len());
-        if let Some(&start) = self.known.get(&key) {
-            return start;
-        }
-        let start = self.length.next_multiple_of(FOUR);
-        self.lists.push((start, list, shapes));
-        self.length = start + list.len();
-        self.known.insert(key, start as u32);
-        start as u32
-    }
-
-    /// Reserves `words` words in blocks of their own, which the device writes and the host never sends.
-    pub fn room(&mut self, words: usize) -> u32 {
-        let start = self.length.next_multiple_of(BLOCK);
-        self.length = (start + words).next_multiple_of(BLOCK);
-        start as u32
-    }
-
-    /// Creates a plan with `words` words reserved ahead of all lists.
-    pub fn after(words: usize) -> Self {
-        Self {
-            length: words,
-            ..Self::default()
-        }
-    }
-
-    /// Writes `head` and all lists into a buffer, and determines which blocks differ from the last render. If lists have
-    /// changed in size, all do, since the device may have written where a list now is.
-    pub fn fill(mut self, head: &'a [u32], last: Buffer) -> Buffer {
-        self.lists.insert(0, (0, head, false));
-        let places = self.lists.iter().map(|l| [l.0, l.1.len()]).collect();
-        let alike = last.words.len() == self.length && last.places == places;
-        let mut words = last.words;
-        if !alike {
-            words = vec![0; self.length];
-        }
-        let fill = |(block, part): (usize, &mut [u32])| {
-            let first = block * BLOCK;
-            let past = first + part.len();
-            let (mut changed, mut shapes) = (false, false);
-            let ends_behind =
-                |&(start, list, _): &(usize, &[u32], bool)| start + list.len() <= first;
-            let from = self.lists.partition_point(ends_behind);
-            for &(start, list, is) in &self.lists[from..] {
-                if start >= past {
-                    break;
-                }
-                let (low, high) = (first.max(start), past.min(start + list.len()));
-                if low >= high {
-                    continue;
-                }
-                let (own, part) = (
-                    &list[low - start..high - start],
-                    &mut part[low - first..high - first],
-                );
-                if !alike || part != own {
-                    part.copy_from_slice(own);
-                    changed = true;
-                    shapes |= is;
-                }
-            }
-            changed.then_some((block as u32, shapes))
-        };
-        let changed = words.par_chunks_mut(BLOCK).enumerate().filter_map(fill);
-        let changed: Vec<(u32, bool)> = changed.collect();
-        Buffer {
-            shapes: changed.iter().any(|c| c.1),
-            changed: changed.into_iter().map(|c| c.0).collect(),
-            words,
-            places,
-        }
-    }
-}
-
-/// The content of a buffer on the host.
-#[derive(Default)]
-pub(super) struct Buffer {
-    words: Vec<u32>,
-    /// The start and the length of each list.
-    places: Vec<[usize; 2]>,
-    /// The blocks that differ from the last render.
-    changed: Vec<u32>,
-    /// Whether the device must make its lists again, because a list that they depend on has changed.
-    shapes: bool,
-}
-
-impl Buffer {
-    fn block(&self, k: u32) -> &[u32] {
-        let first = k as usize * BLOCK;
-        &self.words[first..self.words.len().min(first + BLOCK)]
-    }
-}
 
 /// The lists that the device makes: the start of the table of scenes among the words, the number of scenes, and the
 /// number of threads that make their lists.
@@ -135,18 +24,25 @@ pub(super) struct Made {
     pub table: u32,
     pub scenes: u32,
     pub threads: u32,
-    /// The largest number of parts in each level of a scene's tree.
-    pub levels: Vec<u32>,
+    /// For each launch, the largest number of parts of a scene's tree over triangles and of its tree over edges.
+    pub levels: Vec<[u32; 2]>,
     pub moves: bool,
 }
 
 impl Made {
-    /// Adds a scene's tree, of which the parts of level k are those from `first[k]` up to `first[k + 1]`.
-    pub fn add_levels(&mut self, first: &[u32]) {
-        let count = self.levels.len().max(first.len() - 1);
-        self.levels.resize(count, 0);
-        for (most, level) in self.levels.iter_mut().zip(first.windows(2)) {
-            *most = (*most).max(level[1] - level[0]);
+    /// Adds a scene's trees over triangles and over edges. The launch of level k of the former makes level k − 1 of the
+    /// latter, since leaves of edges must be made before.
+    pub fn add_levels(&mut self, trees: [&Parts; 2]) {
+        for (tree, parts) in trees.into_iter().enumerate() {
+            let levels = parts.levels.windows(2).map(|first| first[1] - first[0]);
+            for (level, count) in levels.enumerate() {
+                let launch = level + tree;
+                if self.levels.len() <= launch {
+                    self.levels.resize(launch + 1, [0; 2]);
+                }
+                let most = &mut self.levels[launch][tree];
+                *most = count.max(*most);
+            }
         }
     }
 }
@@ -157,6 +53,8 @@ pub(crate) struct Buffers {
     floats: Buffer,
     words: Buffer,
     made: Made,
+    /// The tensors that the device places into its lists after these were sent. The host's copy then differs.
+    placing: Option<Placing>,
     sent: Mutex<Sent>,
 }
 
@@ -168,6 +66,8 @@ struct Sent {
     current: bool,
     /// The streams whose launches read the lists.
     streams: Vec<StreamId>,
+    /// What the device has found when it placed tensors.
+    report: Option<Report>,
 }
 
 impl Buffers {
@@ -186,19 +86,65 @@ impl Buffers {
         let serves = sent.current
             && floats.length == last.floats.words.len()
             && words.length == last.words.words.len();
-        let [of_floats, of_words] = match serves {
+        let [mut of_floats, of_words] = match serves {
             true => [last.floats, last.words],
             false => Default::default(),
         };
+        if let Some(placing) = last.placing.filter(|_| serves) {
+            // No list has these numbers.
+            let ranges = placing.ranges.into_iter();
+            ranges.for_each(|range| of_floats.words[range].fill(u32::MAX));
+        }
         Self {
             floats: floats.fill(&[], of_floats),
             words: words.fill(head, of_words),
             made,
+            placing: None,
             sent: Mutex::new(Sent {
                 lists: sent.lists.filter(|_| serves),
                 ..Sent::default()
             }),
         }
+    }
+
+    /// Returns the buffers of the last render, or `None` if they are not on the device. The device places tensors into
+    /// them, and replaces lists that begin at given places among the words.
+    pub fn again(
+        mut self,
+        row: &Row,
+        views: &[ViewPlaces],
+        others: &[(u32, &[u32])],
+    ) -> Option<Self> {
+        let sent = self.sent.get_mut();
+        let sent = sent.unwrap_or_else(PoisonError::into_inner);
+        if !std::mem::take(&mut sent.current) {
+            return None;
+        }
+        sent.streams.clear();
+        for buffer in [&mut self.floats, &mut self.words] {
+            buffer.changed.clear();
+            buffer.shapes = false;
+        }
+        let mut replaced = Vec::new();
+        for &(start, list) in others {
+            for (place, &word) in (start..).zip(list) {
+                self.words.words[place as usize] = word;
+                replaced.push([place, word]);
+            }
+        }
+        self.placing = Placing::new(row, views, self.header(), replaced);
+        Some(self)
+    }
+
+    /// Lets the device place tensors into its lists after they were sent.
+    pub fn place(&mut self, row: &Row, views: &[ViewPlaces]) {
+        self.placing = Placing::new(row, views, self.header(), Vec::new());
+    }
+
+    /// Takes what the device has found when it placed tensors.
+    pub fn report(&self) -> Option<Report> {
+        let mut sent = self.sent.lock().unwrap_or_else(PoisonError::into_inner);
+        sent.report.take()
     }
 
     /// Returns the words: the headers of views, then the lists.
@@ -225,7 +171,7 @@ impl Buffers {
         });
         let lists = lists.clone();
         if !sent.current {
-            self.write(client, &lists);
+            sent.report = self.write(client, &lists);
             sent.current = true;
         }
         lists
@@ -242,8 +188,9 @@ impl Buffers {
         *self.sent.lock().unwrap_or_else(PoisonError::into_inner) = Sent::default();
     }
 
-    /// Sends the blocks that have changed since the last render, and remakes the lists that depend on them.
-    fn write(&self, client: &Client, [floats, words, _]: &[List; 3]) {
+    /// Sends the blocks that have changed since the last render, places tensors, and remakes the lists that depend on
+    /// both.
+    fn write(&self, client: &Client, [floats, words, _]: &[List; 3]) -> Option<Report> {
         let both = [&self.floats, &self.words];
         let numbers = both.map(|b| &b.changed[..]).concat();
         // Each part fits into one list on any device.
@@ -263,8 +210,10 @@ impl Buffers {
                 write_blocks(floats, words, &numbers, &data, of_floats as u32)
             );
         }
+        let placing = self.placing.as_ref();
+        let report = placing.map(|placing| placing.place(client, floats, words));
         let made = &self.made;
-        if made.threads > 0 && both.iter().any(|b| b.shapes) {
+        if made.threads > 0 && (report.is_some() || both.iter().any(|b| b.shapes)) {
             launch!(
                 client,
                 made.threads as usize,
@@ -277,11 +226,11 @@ impl Buffers {
                     made.moves
                 )
             );
-            // The threads of `make_lists` have made the first level.
-            for (level, &most) in made.levels.iter().enumerate().skip(1) {
+            // The threads of `make_lists` have made the first level of trees over triangles.
+            for (level, &[most, of_edges]) in made.levels.iter().enumerate().skip(1) {
                 launch!(
                     client,
-                    (made.scenes * most) as usize,
+                    (made.scenes * (most + of_edges)) as usize,
                     make_nodes(
                         floats,
                         words,
@@ -289,11 +238,13 @@ impl Buffers {
                         made.scenes,
                         level as u32,
                         most,
+                        of_edges,
                         made.moves
                     )
                 );
             }
         }
+        report
     }
 }
 

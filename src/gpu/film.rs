@@ -4,11 +4,11 @@
 use crate::cube::*;
 
 use super::camera::{Beginning, camera};
-use super::gradient::ViewPlaces;
 use super::hit::{Memory, Ray, trace};
 use super::job::{Job, Views};
 use super::jumps::light_beside;
 use super::loss::Loss;
+use super::placed::ViewPlaces;
 use super::sums::{Adding, of_channel};
 use crate::model::camera::{Camera, CameraRay};
 use crate::model::choice::is_positive;

@@ -5,6 +5,7 @@ use std::ops::Range;
 use crate::cube::*;
 
 use super::job::Views;
+use super::placed::{TensorPlaces, ViewPlaces};
 use super::sums::{Places, sum_at};
 use crate::kernel::{Rows, View};
 use crate::model::{V3, component, splat, v3};
@@ -12,12 +13,6 @@ use crate::scene::ParameterId;
 use crate::trace::{
     AREAS, CAMERAS, LIGHTS, OF_CAMERA, OF_LIGHT, PARTS, Scene, TRIANGLES, VERTICES,
 };
-
-/// The ranges of a view's tensors in a gradient.
-pub(crate) type TensorPlaces<'a> = &'a [(ParameterId, Range<usize>)];
-
-/// A view, and the ranges of the tensors of its scene and of its camera.
-pub(crate) type ViewPlaces<'a> = (&'a View, TensorPlaces<'a>, TensorPlaces<'a>);
 
 /// Number of words of a tensor in the table: its first element in the gradient, the number of elements before it in
 /// the table, its first sum, its part, its kind, the lengths of its rows and of the rows of sums, the start of its

@@ -93,12 +93,12 @@ impl Searches {
 fn root_of<'a>(scene: &Scene<'a>, tree: u32, #[comptime] has_nodes: bool) -> Root<'a> {
     let list = &scene.edge_trees[(OF_TREE * tree) as usize..];
     Root::<'a> {
-        nodes: &scene.edge_nodes[list[0] as usize..],
-        children: &scene.edge_children[list[1] as usize..],
-        leaves: &scene.edge_leaves[list[2] as usize..],
-        edges: &scene.edges_of_leaves[list[3] as usize..],
-        start: list[4],
-        count: list[5],
+        nodes: scene.edge_nodes,
+        children: scene.edge_children,
+        leaves: &scene.edge_leaves[list[0] as usize..],
+        edges: &scene.edges_of_leaves[list[1] as usize..],
+        start: list[2],
+        count: list[3],
         has_nodes,
         moves: comptime!(scene.features.moves),
     }

@@ -1,11 +1,12 @@
 //! Lists that the device makes from vertices and from data that stays the same while vertices move: triangles for
-//! paths, triangles for rays, edges, the edges in leaves of trees, and the nodes of trees over triangles.
+//! paths, triangles for rays, edges, the leaves of trees over edges, and the nodes of trees over triangles.
 
+use super::edge_nodes::{EdgeTreeAt, edge_tree_at};
 use super::nodes::{make_part, tree_at};
-use super::vertices::{At, OF_SCENE, between, lists_at, read, velocity, vertex, write};
+use super::vertices::{At, LEAVES, OF_SCENE, between, lists_at, read, velocity, vertex, write};
 use crate::accel::{LANES, ROUNDING, hit_stride};
 use crate::cube::*;
-use crate::kernel::{LEAF, put_edge};
+use crate::kernel::{Bounds, LEAF, put_edge};
 use crate::model::edge_weight::{Jumps, SeenEdge};
 use crate::model::triangle::{NUMBERS, has_area};
 use crate::model::{V3, splat, v3};
@@ -141,40 +142,56 @@ fn edge(floats: &mut [f32], words: &[u32], at: At, index: u32) -> Line {
     Line { start, along }
 }
 
-/// Writes an edge at a place in a leaf ([`SeenEdge`](crate::model::edge_weight::SeenEdge)), or zeros if the place is
-/// empty.
+/// Returns an edge with its first face as trees over edges store it.
 #[cube]
-fn make_lane(floats: &mut [f32], words: &[u32], at: At, leaves: u32, lane: u32, index: u32) {
-    let lanes = LANES as u32;
-    let to = leaves + lane / lanes * (LEAF as u32 * lanes) + lane % lanes;
-    if index == NONE {
-        for k in 0..LEAF as u32 {
-            floats[(to + lanes * k) as usize] = 0.0;
-        }
-    } else {
-        let line = edge(floats, words, at, index);
-        let faces = (at.of_edges + OF_EDGE as u32 * index) as usize;
-        let first = words[faces];
-        let second = select(words[faces + 1] == NONE, first, words[faces + 1]);
-        let front = face(floats, words, at, first).normal;
-        let back = face(floats, words, at, second).normal;
-        let kind = words[(at.kinds + index) as usize];
-        let crease = floats[(at.creases + index) as usize];
-        let v = velocity(floats, words, at, first);
-        let seen = SeenEdge {
-            to: line.start + line.along * 0.5,
-            half: 0.5 * line.along.length(),
-            along: line.along,
-            front,
-            back,
-            jumps: Jumps::of_kind(kind % CLOSED, crease, kind >= CLOSED),
-        };
-        put_edge(floats, to as usize, &seen, v);
+fn seen_edge(floats: &mut [f32], words: &[u32], at: At, index: u32, first: u32) -> SeenEdge {
+    let line = edge(floats, words, at, index);
+    let second = words[(at.of_edges + OF_EDGE as u32 * index) as usize + 1];
+    let front = face(floats, words, at, first).normal;
+    // An edge with one face has the normal of that face twice.
+    let back = face(floats, words, at, select(second == NONE, first, second)).normal;
+    let kind = words[(at.kinds + index) as usize];
+    let crease = floats[(at.creases + index) as usize];
+    SeenEdge {
+        to: line.start + line.along * 0.5,
+        half: 0.5 * line.along.length(),
+        along: line.along,
+        front,
+        back,
+        jumps: Jumps::of_kind(kind % CLOSED, crease, kind >= CLOSED),
     }
 }
 
-/// Makes the lists of all scenes. Each thread makes one triangle, edge, place in a leaf, or part of the first level of a
-/// tree.
+/// Writes the edges of a leaf, zeros at places that are empty, and the bounds of the edges if the leaf is below a node.
+#[cube]
+fn make_leaf(floats: &mut [f32], words: &[u32], at: At, tree: EdgeTreeAt, scene: u32, leaf: u32) {
+    let header = words[scene as usize + 1] as usize * HEADER;
+    let lanes = repeated(LANES, leaf) as u32;
+    let edges = words[header + comptime!(HeaderWord::edges_of_leaves as usize)] + lanes * leaf;
+    let leaves = words[header + comptime!(HeaderWord::edge_leaves as usize)];
+    let block = leaves + LEAF as u32 * lanes * leaf;
+    for k in 0..LEAF as u32 * lanes {
+        floats[(block + k) as usize] = 0.0;
+    }
+    let mut bounds = Bounds::none();
+    for lane in 0..lanes {
+        let index = words[(edges + lane) as usize];
+        if index != NONE {
+            let first = words[(at.of_edges + OF_EDGE as u32 * index) as usize];
+            let seen = seen_edge(floats, words, at, index, first);
+            let v = velocity(floats, words, at, first);
+            put_edge(floats, (block + lane) as usize, &seen, v);
+            bounds.add_edge(&seen, v);
+        }
+    }
+    if leaf < tree.bounded {
+        let bounds = bounds.over_leaf(floats, block as usize);
+        tree.put_leaf(floats, leaf, &bounds);
+    }
+}
+
+/// Makes the lists of all scenes. Each thread makes one triangle, edge, leaf of edges, or part of the first level of a
+/// tree over triangles.
 #[cube(launch)]
 pub(super) fn make_lists(
     floats: &mut [f32],
@@ -198,7 +215,7 @@ pub(super) fn make_lists(
         let header = words[s + 1] as usize * HEADER;
         let at = lists_at(words, scene, moves);
         let (faces, hits) = (words[s + 2], words[s + 3]);
-        let (edges, lanes) = (words[s + 4], words[s + 6]);
+        let (edges, leaves) = (words[s + 4], words[s + LEAVES]);
         if own < faces {
             let f = face(floats, words, at, own);
             let surfaces = words[header + comptime!(HeaderWord::surfaces as usize)];
@@ -217,14 +234,11 @@ pub(super) fn make_lists(
             let line = edge(floats, words, at, own);
             write(floats, at.edges + 6 * own, line.start);
             write(floats, at.edges + 6 * own + 3, line.along);
-        } else if own < faces + hits + edges + lanes {
+        } else if own < faces + hits + edges + leaves {
             own -= faces + hits + edges;
-            let list = words[header + comptime!(HeaderWord::edges_of_leaves as usize)];
-            let leaves = words[header + comptime!(HeaderWord::edge_leaves as usize)];
-            let which = words[(list + own) as usize];
-            make_lane(floats, words, at, leaves, own, which);
+            make_leaf(floats, words, at, edge_tree_at(words, scene), scene, own);
         } else {
-            own -= faces + hits + edges + lanes;
+            own -= faces + hits + edges + leaves;
             make_part(floats, words, at, tree_at(words, scene), own);
         }
     }

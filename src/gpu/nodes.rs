@@ -1,10 +1,15 @@
-//! The nodes of trees over triangles, which the device makes from vertices: a tree in parts, each by one thread.
+//! The nodes of trees over triangles, which the device makes from vertices: a tree in parts, each by one thread. The
+//! launches for all levels but the first also make the nodes of trees over edges.
 
-use super::vertices::{At, OF_SCENE, TREE, lists_at, velocity, vertex};
+use super::edge_nodes::{edge_tree_at, make_edge_part};
+use super::vertices::{
+    At, CHILDREN_AT, EDGE_PARTS, OF_SCENE, PartsAt, TRIANGLE_PARTS, lists_at, parts_at, velocity,
+    vertex,
+};
 use crate::accel::{CHILD, CHILDREN, LEAF, OF_NODE, OTHERS};
 use crate::cube::*;
 use crate::model::{V3, splat, v3};
-use crate::trace::{HEADER, HeaderWord};
+use crate::trace::{HEADER, HeaderWord, NONE};
 
 /// The starts of a tree's lists in the buffers.
 #[derive(CubeType, Clone, Copy)]
@@ -13,26 +18,19 @@ pub(super) struct TreeAt {
     nodes: u32,
     triangles: u32,
     children: u32,
-    /// The nodes, starts and levels of its parts.
-    in_parts: u32,
-    starts: u32,
-    levels: u32,
-    level_count: u32,
+    parts: PartsAt,
 }
 
 /// Returns the starts of the lists of a scene's tree, given the scene's place in the table.
 #[cube]
 pub(super) fn tree_at(words: &[u32], scene: u32) -> TreeAt {
     let header = words[scene as usize + 1] as usize * HEADER;
-    let tree = scene as usize + TREE;
+    let scene = scene as usize;
     TreeAt {
         nodes: words[header + comptime!(HeaderWord::nodes as usize)],
         triangles: words[header + comptime!(HeaderWord::hit_numbers as usize)],
-        children: words[tree],
-        in_parts: words[tree + 1],
-        starts: words[tree + 2],
-        levels: words[tree + 3],
-        level_count: words[tree + 4],
+        children: words[scene + CHILDREN_AT],
+        parts: parts_at(words, scene + TRIANGLE_PARTS),
     }
 }
 
@@ -116,16 +114,18 @@ fn make_node(floats: &mut [f32], words: &[u32], at: At, tree: TreeAt, node: u32)
 /// Writes all nodes of a part.
 #[cube]
 pub(super) fn make_part(floats: &mut [f32], words: &[u32], at: At, tree: TreeAt, part: u32) {
-    let mut k = words[(tree.starts + part) as usize];
-    let past = words[(tree.starts + part) as usize + 1];
+    let mut k = words[(tree.parts.starts + part) as usize];
+    let past = words[(tree.parts.starts + part) as usize + 1];
     while k < past {
-        let node = words[(tree.in_parts + k) as usize];
+        let node = words[(tree.parts.nodes + k) as usize];
         make_node(floats, words, at, tree, node);
         k += 1;
     }
 }
 
-/// Makes the nodes of a level of all scenes' trees, with `most` threads for each scene. Each thread makes one part.
+/// Makes the nodes of a level of all scenes' trees, with `most` threads for the tree over triangles of each scene, and
+/// those of the level before of their trees over edges, with `of_edges` threads for each scene. Each thread makes one
+/// part.
 #[cube(launch)]
 pub(super) fn make_nodes(
     floats: &mut [f32],
@@ -134,19 +134,26 @@ pub(super) fn make_nodes(
     scenes: u32,
     level: u32,
     most: u32,
+    of_edges: u32,
     #[comptime] moves: bool,
 ) {
     let index = ABSOLUTE_POS as u32;
-    if index < scenes * most {
+    let all = scenes * most;
+    if index < all {
         let scene = table + index / most * OF_SCENE as u32;
         let tree = tree_at(words, scene);
-        if level < tree.level_count {
-            let first = (tree.levels + level) as usize;
-            let part = words[first] + index % most;
-            if part < words[first + 1] {
-                let at = lists_at(words, scene, moves);
-                make_part(floats, words, at, tree, part);
-            }
+        let part = tree.parts.of_level(words, level, index % most);
+        if part != NONE {
+            let at = lists_at(words, scene, moves);
+            make_part(floats, words, at, tree, part);
+        }
+    } else if index < all + scenes * of_edges {
+        let own = index - all;
+        let scene = table + own / of_edges * OF_SCENE as u32;
+        let parts = parts_at(words, scene as usize + EDGE_PARTS);
+        let part = parts.of_level(words, level - 1, own % of_edges);
+        if part != NONE {
+            make_edge_part(floats, words, edge_tree_at(words, scene), parts, part);
         }
     }
 }

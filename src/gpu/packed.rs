@@ -7,17 +7,20 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::buffers::{Buffers, Made, Plan};
+use super::buffers::{Buffers, Made};
+use super::edge_nodes::BOUNDS;
+use super::placed::{Row, ViewPlaces};
+use super::plan::Plan;
 use super::sums::Places;
-use crate::accel::{GpuTree, OF_NODE, hit_stride};
+use crate::accel::{GpuTree, LANES, OF_NODE, Parts, hit_stride};
 use crate::device::stage;
-use crate::kernel::{LEAF, View};
+use crate::kernel::{LEAF, NODE, TreeShape, View};
 use crate::model::triangle::NUMBERS;
 use crate::trace::{Derivatives, Features, HEADER, HeaderWord, OF_SLOT, Scene};
 
-/// Number of words of a tree over edges in [`Scene::edge_trees`]: the starts of its four lists, the child at which a
-/// draw starts, and the number of children at which it starts.
-pub(super) const OF_TREE: u32 = 6;
+/// Number of words of a tree over edges in [`Scene::edge_trees`]: the starts of its leaves and of their edges, the child
+/// at which a draw starts, and the number of children at which it starts.
+pub(super) const OF_TREE: u32 = 4;
 
 /// Maximum number of views in a group.
 const VIEWS: usize = 64;
@@ -34,11 +37,15 @@ pub(crate) struct Packed {
 }
 
 /// Packs views in groups that use the same kernels. Returns the indices of the views of each group, and the packed
-/// group. The buffers of the last render are reused where possible.
+/// group. The buffers of the last render are reused where possible. The device places tensors of a `row`, if there is
+/// one.
 pub(crate) fn pack(
-    views: &[&View],
+    all: &[ViewPlaces],
+    row: Option<&Row>,
     mut last: impl Iterator<Item = Buffers>,
 ) -> Vec<(Vec<usize>, Packed)> {
+    let views: Vec<&View> = all.iter().map(|v| v.0).collect();
+    let views = &views[..];
     // Views of one scene share the lists of the first such view.
     let mut known = HashMap::new();
     let of_view: Vec<usize> = (0..views.len())
@@ -87,12 +94,16 @@ pub(crate) fn pack(
             let (group, rest) = list.split_at(past);
             let of_group = group.iter();
             let of_group = of_group.map(|&v| (views[v], of_view[v], scene(v), &slots[v]));
-            let packed = Packed::new(
+            let mut packed = Packed::new(
                 of_group.collect(),
                 features,
                 derivatives,
                 last.next().unwrap_or_default(),
             );
+            if let Some((row, buffers)) = row.zip(Arc::get_mut(&mut packed.buffers)) {
+                let of_group: Vec<ViewPlaces> = group.iter().map(|&v| all[v]).collect();
+                buffers.place(row, &of_group);
+            }
             groups.push((group.to_vec(), packed));
             list = rest;
         }
@@ -113,6 +124,29 @@ fn alike<K: PartialEq>(count: usize, key: impl Fn(usize) -> K) -> Vec<Vec<usize>
 }
 
 impl Packed {
+    /// Returns the group without its buffers.
+    pub fn without_buffers(&self) -> Self {
+        Self {
+            buffers: Arc::default(),
+            sums: self.sums.clone(),
+            ..*self
+        }
+    }
+
+    /// Returns the group in the buffers of the last render, for views that differ only in their random numbers and in
+    /// tensors of a row, which the device places. Returns `None` if the buffers are no longer on the device.
+    pub fn again(&self, views: &[ViewPlaces], row: &Row, last: Buffers) -> Option<Self> {
+        let seeds: Vec<&[u32]> = views.iter().map(|v| v.0.lists().seeds).collect();
+        let headers = last.header().chunks(HEADER);
+        let places = headers.map(|header| header[HeaderWord::seeds as usize]);
+        let seeds: Vec<(u32, &[u32])> = places.zip(seeds).collect();
+        let buffers = last.again(row, views, &seeds)?;
+        Some(Self {
+            buffers: Arc::new(buffers),
+            ..self.without_buffers()
+        })
+    }
+
     /// Packs views, each given with the index of its scene, the lists that only GPUs need, and its slots.
     fn new(
         views: Vec<(&View, usize, &OfScene, &Slots)>,
@@ -150,30 +184,33 @@ impl Packed {
         let mut known = HashMap::new();
         for (v, &(_, number, of_scene, _)) in views.iter().enumerate() {
             let rooms = *known.entry(number).or_insert_with(|| {
-                let [faces, hits, edges, _, lanes, parts] = of_scene.made;
+                let [faces, hits, edges, _, leaves, _, parts] = of_scene.made;
                 let tree = &of_scene.tree;
                 table.extend([made.threads, v as u32]);
                 table.extend(of_scene.made);
-                table.extend([
-                    words.place(tree.nodes.as_flattened(), true),
-                    words.place(&tree.parts.nodes, true),
-                    words.place(&tree.parts.starts, true),
-                    words.place(&tree.parts.levels, true),
-                    tree.parts.levels.len() as u32 - 1,
-                ]);
+                table.push(words.place(tree.nodes.as_flattened(), true));
+                for parts in of_scene.parts() {
+                    table.extend([
+                        words.place(&parts.nodes, true),
+                        words.place(&parts.starts, true),
+                        words.place(&parts.levels, true),
+                        parts.levels.len() as u32 - 1,
+                    ]);
+                }
                 made.scenes += 1;
-                made.threads += faces + hits + edges + lanes + parts;
-                made.add_levels(&tree.parts.levels);
+                made.threads += faces + hits + edges + leaves + parts;
+                made.add_levels(of_scene.parts());
                 of_scene
                     .made_numbers(features.moves)
                     .map(|numbers| floats.room(numbers))
             });
-            let lists: [HeaderWord; 5] = [
+            let lists: [HeaderWord; 6] = [
                 HeaderWord::surfaces,
                 HeaderWord::hits,
                 HeaderWord::edges,
                 HeaderWord::edge_leaves,
                 HeaderWord::nodes,
+                HeaderWord::edge_nodes,
             ];
             for (list, room) in lists.into_iter().zip(rooms) {
                 headers[v][list as usize] = room;
@@ -189,19 +226,6 @@ impl Packed {
             sums,
         }
     }
-}
-
-/// Returns where a list begins in a buffer. Lists are compared by address; a list that is not in the buffer is
-/// appended.
-fn place_of<T: Copy>(
-    list: &[T],
-    buffer: &mut Vec<T>,
-    known: &mut HashMap<(*const T, usize), u32>,
-) -> u32 {
-    *known.entry((list.as_ptr(), list.len())).or_insert_with(|| {
-        buffer.extend(list);
-        (buffer.len() - list.len()) as u32
-    })
 }
 
 /// The slots for pieces of edges on a view's film. Room is left behind them, so that lists rarely change in size.
@@ -229,14 +253,16 @@ pub(super) struct OfScene {
     counted: Vec<u32>,
     vertex_starts: Vec<u32>,
     vertex_corners: Vec<u32>,
-    edge_nodes: Vec<f32>,
-    edge_children: Vec<u32>,
+    /// The shape of the tree over all edges. A tree over moving edges that is no part of it is a list of edges, behind
+    /// those of this tree.
+    edge_shape: Arc<TreeShape>,
     edges_of_leaves: Vec<u32>,
     edge_trees: Vec<[u32; OF_TREE as usize]>,
     vertices: Vec<[[f32; 3]; 2]>,
     /// The numbers of items that the device makes: triangles, triangles for rays, edges, edges of meshes among these,
-    /// places in leaves, and parts of the first level of the tree.
-    made: [u32; 6],
+    /// leaves of trees over edges, those below nodes among these, and parts of the first level of the tree over
+    /// triangles.
+    made: [u32; 7],
 }
 
 impl OfScene {
@@ -253,28 +279,37 @@ impl OfScene {
             this.add_vertex_corners(view);
         }
         if let Some(sets) = &view.edge_sets {
-            // The trees may share their lists.
-            let (mut floats, mut words) = (HashMap::new(), HashMap::new());
-            for root in [true, false].map(|rays_move| sets.seen_by(rays_move)) {
-                let edges = place_of(root.edges, &mut this.edges_of_leaves, &mut words);
-                this.edge_trees.push([
-                    place_of(root.nodes, &mut this.edge_nodes, &mut floats),
-                    place_of(root.children, &mut this.edge_children, &mut words),
-                    LEAF as u32 * edges,
-                    edges,
-                    root.start,
-                    root.count,
-                ]);
+            let shapes = sets.shapes();
+            this.edge_shape = shapes[0].clone();
+            for (shape, rays_move) in shapes.into_iter().zip([true, false]) {
+                let mut first = 0;
+                if this.edge_trees.is_empty() {
+                    this.edges_of_leaves = shape.edges.clone();
+                } else if !Arc::ptr_eq(shape, &this.edge_shape) {
+                    first = this.edges_of_leaves.len() as u32;
+                    this.edges_of_leaves.extend(&shape.edges);
+                }
+                let root = sets.seen_by(rays_move);
+                let leaves = LEAF as u32 * first;
+                (this.edge_trees).push([leaves, first, root.start, root.count]);
             }
             this.made[2..4].copy_from_slice(&sets.counts());
         }
         let triangles = lists.triangles.len();
         let hits = this.tree.triangles.len();
         this.made[..2].copy_from_slice(&[triangles as u32, hits as u32]);
-        this.made[4] = this.edges_of_leaves.len() as u32;
-        this.made[5] = this.tree.parts.levels.get(1).copied().unwrap_or(0);
+        this.made[4] = (this.edges_of_leaves.len() / LANES) as u32;
+        if !this.edge_shape.children.is_empty() {
+            this.made[5] = (this.edge_shape.edges.len() / LANES) as u32;
+        }
+        this.made[6] = this.tree.parts.levels.get(1).copied().unwrap_or(0);
         this.vertices = lists.in_two_parts();
         this
+    }
+
+    /// Returns the parts of the tree over triangles, and those of the tree over edges.
+    fn parts(&self) -> [&Parts; 2] {
+        [&self.tree.parts, self.edge_shape.parts()]
     }
 
     /// Lists the triangle corners at each vertex.
@@ -307,8 +342,7 @@ impl OfScene {
             counted: &self.counted,
             vertex_starts: &self.vertex_starts,
             vertex_corners: &self.vertex_corners,
-            edge_nodes: &self.edge_nodes,
-            edge_children: &self.edge_children,
+            edge_children: &self.edge_shape.children,
             edges_of_leaves: &self.edges_of_leaves,
             vertices: self.vertices.as_flattened().as_flattened(),
             crossings: &scene.edges[6 * self.made[3] as usize..],
@@ -326,15 +360,18 @@ impl OfScene {
         sent + self.made_numbers(view.features.moves).iter().sum::<usize>()
     }
 
-    /// Returns the lengths of the lists that the device makes: triangles, triangles for rays, edges, leaves and nodes.
-    fn made_numbers(&self, moves: bool) -> [usize; 5] {
-        let [faces, hits, edges, _, lanes, _] = self.made.map(|n| n as usize);
+    /// Returns the lengths of the lists that the device makes: triangles, triangles for rays, edges, leaves of edges with
+    /// the bounds of leaves and nodes behind them, nodes of the tree over triangles, and those of the tree over edges.
+    fn made_numbers(&self, moves: bool) -> [usize; 6] {
+        let [faces, hits, edges, _, leaves, bounded, _] = self.made.map(|n| n as usize);
+        let edge_nodes = self.edge_shape.children.len() / LANES;
         [
             NUMBERS * faces,
             hit_stride(moves) as usize * hits,
             6 * edges,
-            LEAF * lanes,
+            LANES * LEAF * leaves + BOUNDS as usize * (bounded + edge_nodes),
             OF_NODE as usize * self.tree.nodes.len(),
+            LANES * NODE * edge_nodes,
         ]
     }
 }

@@ -2,15 +2,57 @@
 
 use crate::cube::*;
 use crate::model::{V3, splat, v3};
-use crate::trace::{HEADER, HeaderWord, TRIANGLE};
+use crate::trace::{HEADER, HeaderWord, NONE, TRIANGLE};
 
-/// Number of words of a scene in the table: its first thread, the view whose header stores where its lists begin, the
-/// numbers of triangles, triangles for rays, edges, edges of meshes among these, places in leaves, and parts of the
-/// first level of its tree. Then come the starts of the tree's lists ([`GpuTree`](crate::accel::GpuTree)): children, the
-/// nodes, starts and levels of parts, and the number of levels.
-pub(super) const OF_SCENE: usize = 13;
-/// The place of these starts among the words of a scene.
-pub(super) const TREE: usize = 8;
+/// Number of words of a scene in the table: its first thread, the view whose header stores where its lists begin, and
+/// the numbers of triangles, triangles for rays, edges, edges of meshes among these, leaves of trees over edges, those
+/// below nodes among these, and parts of the first level of the tree over triangles. Then come the start of this tree's
+/// children, and the parts of this tree and of the tree over edges: where their nodes, starts and levels begin, and the
+/// number of levels ([`Parts`](crate::accel::Parts)).
+pub(super) const OF_SCENE: usize = 18;
+/// The places of some of these words: both numbers of leaves, the start of the children, and both parts.
+pub(super) const LEAVES: usize = 6;
+pub(super) const BOUNDED: usize = 7;
+pub(super) const CHILDREN_AT: usize = 9;
+pub(super) const TRIANGLE_PARTS: usize = 10;
+pub(super) const EDGE_PARTS: usize = 14;
+
+/// The starts of the lists of a tree's parts.
+#[derive(CubeType, Clone, Copy)]
+#[expand(derive(Clone, Copy))]
+pub(super) struct PartsAt {
+    pub nodes: u32,
+    pub starts: u32,
+    levels: u32,
+    level_count: u32,
+}
+
+/// Returns the starts of the lists of parts, given their place in the table.
+#[cube]
+pub(super) fn parts_at(words: &[u32], place: usize) -> PartsAt {
+    PartsAt {
+        nodes: words[place],
+        starts: words[place + 1],
+        levels: words[place + 2],
+        level_count: words[place + 3],
+    }
+}
+
+#[cube]
+impl PartsAt {
+    /// Returns part `k` of a level, or [`NONE`].
+    pub fn of_level(&self, words: &[u32], level: u32, k: u32) -> u32 {
+        let mut part = NONE.runtime();
+        if level < self.level_count {
+            let first = (self.levels + level) as usize;
+            let own = words[first] + k;
+            if own < words[first + 1] {
+                part = own;
+            }
+        }
+        part
+    }
+}
 
 /// The starts of a scene's lists in the buffers.
 #[derive(CubeType, Clone, Copy)]

@@ -27,7 +27,9 @@ mod walk;
 
 pub(crate) use boundary::{FilmEdges, PixelGradients};
 #[cfg(feature = "gpu")]
-pub(crate) use edges::{DrawnEdge, LEAF, NO_EDGE, Root, draw_edge, put_edge};
+pub(crate) use edges::{
+    Bounds, DrawnEdge, LEAF, NO_EDGE, NODE, Root, TreeShape, draw_edge, put_edge, put_subtree,
+};
 pub(crate) use edges::{EdgeSets, LastEdges};
 #[cfg(feature = "gpu")]
 pub(crate) use gradient::Rows;

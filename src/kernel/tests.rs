@@ -1,11 +1,18 @@
 //! Tests of the packed scene.
 
+#[cfg(feature = "gpu")]
+use std::sync::Arc;
+
 use burn::tensor::{Device, Tensor};
 
+#[cfg(feature = "gpu")]
+use super::edges::{EdgeSets, LastEdges};
+#[cfg(feature = "gpu")]
+use super::gradient::Wanted;
 use super::scene::KernelScene;
 use crate::accel::LastHierarchy;
 use crate::sampling::EmitterSampling;
-use crate::scene::{ColorTexture, HostScene, Material, Mesh, Object, Scene};
+use crate::scene::{ColorTexture, HostScene, Material, Mesh, Object, Scene, shapes};
 
 /// Textured emitters are chosen by their mean radiance over the triangle. The radiance is (1 − cos 2πu)(1 + v). Two
 /// triangles show different parts of it, and a third emits a constant.
@@ -68,5 +75,31 @@ fn a_textured_emitter_is_chosen_by_its_mean_radiance() {
         let chance = f64::from(packed.emitters.fixed[k]);
         let share = wanted / (constant + mean_over(uvs[0]) + mean_over(uvs[1]));
         assert!((chance / share - 1.0).abs() < 0.01, "{k}: {chance} {share}");
+    }
+}
+
+/// The tree over edges keeps its shape while faces stay and vertices move, on the host and for a GPU.
+#[cfg(feature = "gpu")]
+#[test]
+fn a_tree_over_edges_is_reused_while_faces_stay() {
+    let device = Device::flex();
+    for for_gpu in [false, true] {
+        let (boxes, edges) = (LastHierarchy::default(), LastEdges::default());
+        let shape = |level: u32, height: f64| {
+            let ball = shapes::icosphere(level, &device).scaled([1.0, 1.0, height]);
+            let mut host =
+                HostScene::new(&Scene::new().with_object(Object::new(ball))).expect("values");
+            let packed = KernelScene::new(&mut host, EmitterSampling::Power, None, &boxes);
+            let wanted = Wanted {
+                objects: vec![1],
+                ..Wanted::default()
+            };
+            let sets = EdgeSets::new(&host, &packed, &wanted, &edges, for_gpu);
+            sets.shapes()[0].clone()
+        };
+        let first = shape(2, 1.0);
+        assert_eq!(first.edges.iter().filter(|&&e| e != u32::MAX).count(), 480);
+        assert!(Arc::ptr_eq(&first, &shape(2, 1.1)));
+        assert!(!Arc::ptr_eq(&first, &shape(3, 1.1)));
     }
 }

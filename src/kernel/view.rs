@@ -114,6 +114,19 @@ impl View {
         view
     }
 
+    /// Returns this view with other random numbers.
+    #[cfg(feature = "gpu")]
+    pub fn with_sampler(&self, sampler: Sampler) -> Self {
+        let settings = ViewSettings {
+            sampler,
+            ..self.settings.clone()
+        };
+        let (scene, filter) = (self.scene.clone(), self.filter.clone());
+        let edges = self.edge_sets.clone();
+        let wanted = self.wanted.clone();
+        Self::new(scene, self.host_camera, filter, settings, wanted, edges)
+    }
+
     fn features(&self) -> Features {
         let settings = &self.settings;
         let of_scene = self.scene.features;

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+#[cfg(feature = "gpu")]
+use super::standing::Standing;
 use crate::accel::LastHierarchy;
 use crate::kernel::LastEdges;
 use crate::scene::Constants;
@@ -11,7 +13,7 @@ use crate::scene::Constants;
 ///
 /// For each scene of a batch, by its index, it keeps the BVH, the edges of meshes and the subdivision of the edges. A
 /// BVH is refitted if triangles move. It is rebuilt if its boxes have grown by half or the number of triangles differs.
-/// Lines in which triangles intersect, and bounds of edges, are computed again only where a triangle has moved.
+/// Lines in which triangles intersect, and on CPUs bounds of edges, are computed again only where a triangle has moved.
 ///
 /// For renders on GPUs it also keeps the values of untracked tensors, so that each is read back once, and the lists of
 /// scenes, on the device and on the host. The next render uploads only changes. The memory is freed with the cache. A
@@ -37,6 +39,14 @@ pub struct HierarchyCache {
     constants: Arc<Mutex<Constants>>,
     #[cfg(feature = "gpu")]
     pub(super) buffers: crate::gpu::LastBuffers,
+    #[cfg(feature = "gpu")]
+    standing: Arc<Mutex<Option<Standing>>>,
+    /// The number of renders for which the values of tensors are kept that a GPU places. 0 stands for 1.
+    #[cfg_attr(
+        not(feature = "gpu"),
+        allow(dead_code, reason = "it is for GPUs alone")
+    )]
+    pub(super) every: u32,
     /// Names the cache of a server that stands for this one.
     #[cfg(feature = "remote")]
     id: Arc<std::sync::OnceLock<u64>>,
@@ -53,6 +63,34 @@ impl HierarchyCache {
     /// Creates an empty cache.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// Reads vertices back from a GPU only in one of `renders` renders, and without waiting. This is for training steps that
+    /// move vertices by little; 8 is a good number. With 1, the default, each render waits for its own vertices.
+    ///
+    /// In the other renders the device takes vertices, normals and tangents from their tensors, and computes triangles,
+    /// boxes, edges and their bounds from them. The host reuses what it has prepared: which edges meshes have, the shapes
+    /// of trees, and how many samples an edge on the film has. Images are those of renders that read. Gradients differ by
+    /// noise, since edges are drawn in another order, and they miss edges of faces that were in one plane.
+    ///
+    /// A render reads and waits, as without this setting, unless
+    /// - the render before it had the same options except the seed, and the same scenes and cameras except the values of
+    ///   tracked vertices, normals and tangents,
+    /// - no other tensors are tracked,
+    /// - objects with tracked vertices do not emit light, and intersected no other object at the last reading,
+    /// - no vertex has moved by more than a quarter of a typical edge of its object since the last reading.
+    ///
+    /// How far vertices have moved is known one render later, so a render after a far move reads. A vertex that is not
+    /// finite is an error in the next render that has such a vertex.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// let cache = HierarchyCache::new().reading_every(8);
+    /// let options = RenderOptions::new(64, 64).with_cache(&cache);
+    /// ```
+    pub fn reading_every(mut self, renders: u32) -> Self {
+        self.every = renders;
+        self
     }
 
     /// Returns how often a BVH was built and how often one was refitted, summed over all scenes.
@@ -72,6 +110,20 @@ impl HierarchyCache {
         self.constants
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes the last render.
+    #[cfg(feature = "gpu")]
+    pub(super) fn take_standing(&self) -> Option<Standing> {
+        let standing = self.standing.lock();
+        standing.unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    /// Keeps a render for the next one.
+    #[cfg(feature = "gpu")]
+    pub(super) fn set_standing(&self, render: Standing) {
+        let standing = self.standing.lock();
+        *standing.unwrap_or_else(PoisonError::into_inner) = Some(render);
     }
 
     /// The data of the first `count` scenes of a batch.

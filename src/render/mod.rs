@@ -8,6 +8,8 @@ mod debug;
 mod derivative;
 mod film;
 mod kernel;
+#[cfg(feature = "gpu")]
+mod late;
 mod mistakes;
 mod node;
 mod options;
@@ -15,6 +17,7 @@ mod outputs;
 mod overview;
 #[cfg(feature = "remote")]
 pub(crate) mod remote;
+mod standing;
 mod tangent;
 mod tensors;
 mod tiles;

@@ -66,6 +66,8 @@ pub(crate) use parameters::{
     visit_tensors,
 };
 pub use placement::Scale;
+#[cfg(feature = "gpu")]
+pub(crate) use texture::Value;
 pub use texture::{ColorTexture, ScalarTexture};
 pub(crate) use transfer::{Constants, Identity, Transfer, host_device};
 pub use transform::Transform;

@@ -55,7 +55,7 @@ macro_rules! lists {
                     self,
                     W::vertices | W::crossings | W::creases | W::velocities | W::vertex_rows
                         | W::triangles | W::of_edges | W::edge_kinds | W::edges_of_leaves
-                        | W::hit_numbers
+                        | W::edge_children | W::hit_numbers
                 )
             }
         }
@@ -141,11 +141,11 @@ lists! {
         edges,
         /// The possible jump of color at each edge where both faces are seen.
         creases,
-        /// For GPUs, which compute `surfaces`, `hits`, `edges` and `edge_leaves`: each vertex as the sum of two
+        /// For GPUs, which compute `surfaces`, `edges`, nodes, leaves and `hits`: each vertex as the sum of two
         /// floats per axis, and edges that are crossings.
         vertices,
         crossings,
-        /// The trees over all edges and over moving edges, one behind the other.
+        /// The nodes of the tree over all edges, its leaves, and the leaves of a list of moving edges.
         edge_nodes,
         edge_leaves,
         /// The BVH nodes that GPUs traverse, and triangles in the form for ray intersection.
@@ -188,8 +188,8 @@ lists! {
         edge_kinds,
         /// For GPUs: the slots for pieces of edges on the film ([`OF_SLOT`](super::OF_SLOT)), and then room.
         slots,
-        /// For both trees: where their nodes, children, leaves and edges begin, the child that a draw starts at, and
-        /// the number of children it starts at.
+        /// For both trees: where their leaves and edges begin, the child that a draw starts at, and the number of
+        /// children it starts at.
         edge_trees,
         /// The numbers of the triangles that GPUs intersect with rays.
         hit_numbers,

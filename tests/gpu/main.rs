@@ -11,6 +11,7 @@ mod batch;
 mod compiled;
 mod forward;
 mod kernels;
+mod late;
 mod losses;
 mod memory;
 mod pictures;

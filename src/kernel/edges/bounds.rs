@@ -1,16 +1,19 @@
-//! Bounds of edges: a sphere, a cone of normals, and sums of jumps.
+//! Bounds of edges: a box, a cone of normals, and sums of jumps. GPUs compute them by the same formulas.
 
 use super::Edges;
+use super::draw::{fold_of_lane, normals_of_lane};
+use crate::accel::LANES;
+use crate::cube::*;
 use crate::kernel::scene::KernelScene;
 use crate::model::edge_weight::{Jumps, SeenEdge, Subtree};
-use crate::model::{V3, v3};
+use crate::model::{Pair, V3, select_vector, splat, v3};
 use crate::trace::NONE;
 
 /// Edges, with the scene that contains their triangles.
 pub(super) struct EdgeList<'a> {
     pub edges: &'a Edges,
     pub scene: &'a KernelScene,
-    /// Whether the tree is for a GPU, which computes its leaves.
+    /// Whether the tree is for a GPU, which computes its nodes and leaves.
     pub for_gpu: bool,
 }
 
@@ -40,101 +43,162 @@ impl EdgeList<'_> {
 }
 
 /// Bounds of some edges.
-#[derive(Clone, Copy)]
-pub(super) struct Bounds {
-    low: V3,
-    high: V3,
-    /// A cone of the normals of folds: their sum, and the largest angle to it.
-    normals: V3,
-    angle: f32,
+#[apply(record!)]
+pub(crate) struct Bounds {
+    /// A box around the edges over the shutter.
+    pub low: V3,
+    pub high: V3,
+    /// The number of folds, and a cone of the normals of their faces: the sum of the normals, and the sine of half the
+    /// largest angle to it.
+    pub folds: f32,
+    pub normals: V3,
+    pub sin_half: f32,
     /// Sums of jump × length; for the silhouettes of folds also × the angle of the fold.
-    jumps: Jumps,
+    pub jumps: Jumps,
 }
 
-/// Returns the direction of a sum of normals.
-fn direction(sum: V3) -> V3 {
-    if sum.length() > 0.0 {
-        sum.normalize()
-    } else {
-        v3(0.0, 0.0, 1.0)
-    }
-}
+/// If the sum of normals is this small a part of their number, rounding decides its direction.
+const CANCELED: f32 = 1e-3;
 
-/// Returns the angle in radians between unit vectors whose ends have the distance `apart`.
-fn angle(apart: f32) -> f32 {
+/// Returns the sine of half the angle between unit vectors.
+#[cfg_attr(feature = "gpu", cube)]
+fn sin_half_between(a: V3, b: V3) -> f32 {
     // The distance keeps the digits of small angles.
-    2.0 * (0.5 * apart).min(1.0).asin()
+    min(0.5 * (a - b).length(), 1.0)
 }
 
+/// Returns the cosine of an angle of at most 90°, given its sine.
+#[cfg_attr(feature = "gpu", cube)]
+fn cosine(sine: f32) -> f32 {
+    ((1.0 - sine) * (1.0 + sine)).sqrt()
+}
+
+#[cfg_attr(feature = "gpu", cube)]
 impl Bounds {
-    /// Returns the bounds of edges that move by the given displacements over the shutter.
-    pub fn new(edges: &[(SeenEdge, V3)]) -> Self {
-        let mut this = Self {
-            low: V3::ONE * f32::MAX,
-            high: V3::ONE * f32::MIN,
-            normals: V3::ZERO,
-            angle: 0.0,
+    /// Returns the bounds of no edges.
+    pub fn none() -> Bounds {
+        Bounds {
+            low: splat(f32::MAX),
+            high: splat(-f32::MAX),
+            folds: 0.0,
+            normals: splat(0.0),
+            sin_half: 0.0,
             jumps: Jumps {
+                seen_always: 0.0,
+                passes_always: 0.0,
+                fold: 0.0,
+                crease: 0.0,
                 closed: 1.0,
-                ..Jumps::default()
             },
-        };
-        let folds = || edges.iter().filter(|(e, _)| e.jumps.fold > 0.0);
-        for &(e, v) in edges {
-            let (half, length) = (e.along * 0.5, 2.0 * e.half);
-            for p in [e.to - half, e.to + half] {
-                this.low = this.low.min(p).min(p + v);
-                this.high = this.high.max(p).max(p + v);
-            }
-            let (sum, own) = (&mut this.jumps, &e.jumps);
-            sum.seen_always += length * own.seen_always;
-            sum.passes_always += length * own.passes_always;
-            sum.crease += length * own.crease;
-            sum.fold += length * own.fold * (e.front - e.back).length();
         }
-        for (e, _) in folds() {
-            this.normals += e.front + e.back;
-            this.jumps.closed = this.jumps.closed.min(e.jumps.closed);
-        }
-        let axis = direction(this.normals);
-        let apart = folds().flat_map(|(e, _)| [e.front, e.back].map(|n| (n - axis).length()));
-        this.angle = angle(apart.fold(0.0, f32::max));
-        this
     }
 
-    pub fn subtree(&self) -> Subtree {
-        // The margin is for rounding.
-        let cos = self.angle.min(std::f32::consts::PI).cos() - 1e-5;
-        Subtree {
-            center: (self.low + self.high) * 0.5,
-            radius: (self.high - self.low).length() * 0.5 * (1.0 + 1e-5),
-            axis: direction(self.normals),
-            cos,
-            sin: (1.0 - cos * cos).max(0.0).sqrt(),
+    /// Returns whether the sum of normals has a direction.
+    fn is_directed(&self) -> bool {
+        self.normals.length() > self.folds * CANCELED
+    }
+
+    /// Returns the direction of the sum of normals, or any direction.
+    pub fn axis(&self) -> V3 {
+        let unit = self.normals * (1.0 / max(self.normals.length(), 1e-30));
+        select_vector(self.is_directed(), unit, v3(0.0, 0.0, 1.0))
+    }
+
+    /// Returns the bounds with another sine of half the angle of the cone, which contains all directions if its axis is
+    /// any direction.
+    pub fn with_cone(&self, sin_half: f32) -> Bounds {
+        let is_directed = self.is_directed();
+        let is_wide = self.folds > 0.0 && !is_directed;
+        Bounds {
+            low: self.low,
+            high: self.high,
+            folds: self.folds,
+            normals: self.normals,
+            sin_half: select(is_wide, 1.0, sin_half),
             jumps: self.jumps,
         }
     }
 
-    /// Joins bounds, of which there must be at least one.
-    pub fn joined(parts: &[Self]) -> Self {
-        let mut all = parts[0];
-        for part in &parts[1..] {
-            let (sum, own) = (&mut all.jumps, &part.jumps);
-            sum.seen_always += own.seen_always;
-            sum.passes_always += own.passes_always;
-            sum.fold += own.fold;
-            sum.crease += own.crease;
-            sum.closed = sum.closed.min(own.closed);
-            all.low = all.low.min(part.low);
-            all.high = all.high.max(part.high);
-            all.normals += part.normals;
+    /// Adds an edge, with its displacement over the shutter. The angle of the cone is set by [`Self::over_leaf`].
+    pub fn add_edge(&mut self, e: &SeenEdge, velocity: V3) {
+        let half = e.along * 0.5;
+        let low = (e.to - half).min(e.to + half);
+        let high = (e.to - half).max(e.to + half);
+        self.low = self.low.min(low).min(low + velocity);
+        self.high = self.high.max(high).max(high + velocity);
+        let length = 2.0 * e.half;
+        let is_fold = e.jumps.fold > 0.0;
+        self.jumps.seen_always += length * e.jumps.seen_always;
+        self.jumps.passes_always += length * e.jumps.passes_always;
+        self.jumps.fold += length * e.jumps.fold * (e.front - e.back).length();
+        self.jumps.crease += length * e.jumps.crease;
+        let closed = select(is_fold, e.jumps.closed, 1.0);
+        self.jumps.closed = min(self.jumps.closed, closed);
+        self.normals += select_vector(is_fold, e.front + e.back, splat(0.0));
+        self.folds += select(is_fold, 1.0, 0.0);
+    }
+
+    /// Returns the bounds with the cone around all normals of the added edges, which are those of a leaf. Its block
+    /// begins at the index `first` of a list.
+    pub fn over_leaf(&self, leaves: &mut [f32], first: usize) -> Bounds {
+        let axis = self.axis();
+        let mut sin_half = 0.0f32;
+        for i in 0..repeated(LANES, 0u32.runtime()) {
+            let normals: Pair = normals_of_lane(leaves, first + i);
+            let front = sin_half_between(normals.first, axis);
+            let back = sin_half_between(normals.second, axis);
+            let fold = fold_of_lane(leaves, first + i);
+            sin_half = max(sin_half, select(fold > 0.0, max(front, back), 0.0));
         }
-        let axis = direction(all.normals);
-        let folds = parts
-            .iter()
-            .filter(|p| p.normals != V3::ZERO || p.angle > 0.0);
-        let reach = folds.map(|p| p.angle + angle((direction(p.normals) - axis).length()));
-        all.angle = reach.fold(0.0, f32::max);
-        all
+        self.with_cone(sin_half)
+    }
+
+    /// Adds other bounds. The cone must then be set by the largest [`Self::reach`] of these.
+    pub fn add_part(&mut self, part: &Bounds) {
+        self.low = self.low.min(part.low);
+        self.high = self.high.max(part.high);
+        self.normals += part.normals;
+        self.folds += part.folds;
+        self.jumps.seen_always += part.jumps.seen_always;
+        self.jumps.passes_always += part.jumps.passes_always;
+        self.jumps.fold += part.jumps.fold;
+        self.jumps.crease += part.jumps.crease;
+        self.jumps.closed = min(self.jumps.closed, part.jumps.closed);
+    }
+
+    /// Returns the sine of half the largest angle, up to 180°, between an axis and a normal of its cone, or 0 without
+    /// folds.
+    pub fn reach(&self, axis: V3) -> f32 {
+        let own = self.sin_half;
+        let turn = sin_half_between(self.axis(), axis);
+        let (cos_own, cos_turn) = (cosine(own), cosine(turn));
+        let sum = min(own * cos_turn + cos_own * turn, 1.0);
+        let reach = select(cos_own * cos_turn > own * turn, sum, 1.0);
+        select(self.folds > 0.0, reach, 0.0)
+    }
+
+    /// Returns the bounds in the form in which nodes store them.
+    pub fn subtree(&self) -> Subtree {
+        // The margins are for rounding.
+        let cos = 1.0 - 2.0 * self.sin_half * self.sin_half - 1e-5;
+        Subtree {
+            center: (self.low + self.high) * 0.5,
+            radius: (self.high - self.low).length() * 0.500_005,
+            axis: self.axis(),
+            cos,
+            sin: max(1.0 - cos * cos, 0.0).sqrt(),
+            jumps: self.jumps,
+        }
+    }
+}
+
+impl Bounds {
+    /// Joins bounds.
+    pub fn joined(parts: &[Self]) -> Self {
+        let mut all = Self::none();
+        parts.iter().for_each(|part| all.add_part(part));
+        let axis = all.axis();
+        let reach = parts.iter().map(|part| part.reach(axis));
+        all.with_cone(reach.fold(0.0, f32::max))
     }
 }

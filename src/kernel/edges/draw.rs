@@ -9,9 +9,9 @@
 use crate::accel::LANES;
 use crate::accel::eights::{number, sum_of, vector, weight};
 use crate::cube::*;
-use crate::model::V3;
 use crate::model::choice::{Uniform, is_positive};
 use crate::model::edge_weight::{Jumps, Query, SeenEdge, Subtree};
+use crate::model::{Pair, V3, v3};
 
 /// A tree over edges, the part of a tree below a node, or a list of leaves.
 #[cfg_attr(feature = "gpu", derive(CubeType))]
@@ -46,10 +46,12 @@ pub(crate) struct DrawnEdge {
 pub(crate) const NO_EDGE: u32 = u32::MAX;
 
 /// The numbers of a branch of a node: center, radius, axis, cosine, sine, jumps.
-pub(super) const NODE: usize = 14;
+pub(crate) const NODE: usize = 14;
 /// The numbers of an edge of a leaf: middle, half the length, vector along, both normals, jumps, velocity.
 pub(crate) const LEAF: usize = 21;
 const JUMPS_OF_NODE: usize = 9;
+const FRONT: usize = 7;
+const BACK: usize = 10;
 const JUMPS_OF_LEAF: usize = 13;
 const VELOCITY: usize = 18;
 
@@ -95,27 +97,6 @@ fn subtree(block: &[f32], branch: usize) -> Subtree {
     }
 }
 
-impl Subtree {
-    pub(super) fn numbers(&self) -> [f32; NODE] {
-        let ([x, y, z], [u, v, w]) = (self.center.to_array(), self.axis.to_array());
-        let [a, b, c, d, e] = self.jumps.numbers();
-        let (radius, cos, sin) = (self.radius, self.cos, self.sin);
-        [x, y, z, radius, u, v, w, cos, sin, a, b, c, d, e]
-    }
-}
-
-impl Jumps {
-    fn numbers(&self) -> [f32; 5] {
-        [
-            self.seen_always,
-            self.passes_always,
-            self.fold,
-            self.crease,
-            self.closed,
-        ]
-    }
-}
-
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn seen_edge(tree: &Root, block: &[f32], branch: usize, q: &Query) -> SeenEdge {
@@ -127,8 +108,8 @@ fn seen_edge(tree: &Root, block: &[f32], branch: usize, q: &Query) -> SeenEdge {
         to,
         half: number(block, 3, branch),
         along: vector(block, 4, branch),
-        front: vector(block, 7, branch),
-        back: vector(block, 10, branch),
+        front: vector(block, FRONT, branch),
+        back: vector(block, BACK, branch),
         jumps: jumps_of(block, JUMPS_OF_LEAF, branch),
     }
 }
@@ -142,6 +123,18 @@ fn put(list: &mut [f32], lane: usize, k: usize, v: V3) {
     list[lane + LANES * (k + 2)] = v.z;
 }
 
+/// Stores the jumps of an edge, or of a node, in a lane of a block, from number `k` on.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+fn put_jumps(list: &mut [f32], lane: usize, k: usize, jumps: &Jumps) {
+    let at = lane + LANES * k;
+    list[at] = jumps.seen_always;
+    list[at + LANES] = jumps.passes_always;
+    list[at + LANES * 2] = jumps.fold;
+    list[at + LANES * 3] = jumps.crease;
+    list[at + LANES * 4] = jumps.closed;
+}
+
 /// Stores an edge in a lane of a leaf's block: as seen from the origin at the start of the shutter, with its
 /// displacement over the shutter.
 #[cfg_attr(feature = "gpu", cube)]
@@ -150,15 +143,50 @@ pub(crate) fn put_edge(list: &mut [f32], lane: usize, e: &SeenEdge, velocity: V3
     put(list, lane, 0usize, e.to);
     list[lane + LANES * 3] = e.half;
     put(list, lane, 4usize, e.along);
-    put(list, lane, 7usize, e.front);
-    put(list, lane, 10usize, e.back);
-    let jumps = lane + LANES * JUMPS_OF_LEAF;
-    list[jumps] = e.jumps.seen_always;
-    list[jumps + LANES] = e.jumps.passes_always;
-    list[jumps + LANES * 2] = e.jumps.fold;
-    list[jumps + LANES * 3] = e.jumps.crease;
-    list[jumps + LANES * 4] = e.jumps.closed;
+    put(list, lane, FRONT, e.front);
+    put(list, lane, BACK, e.back);
+    put_jumps(list, lane, JUMPS_OF_LEAF, &e.jumps);
     put(list, lane, VELOCITY, velocity);
+}
+
+/// Stores the bounds of a branch in a lane of a node's block.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+pub(crate) fn put_subtree(list: &mut [f32], lane: usize, s: &Subtree) {
+    put(list, lane, 0usize, s.center);
+    list[lane + LANES * 3] = s.radius;
+    put(list, lane, 4usize, s.axis);
+    list[lane + LANES * 7] = s.cos;
+    list[lane + LANES * 8] = s.sin;
+    put_jumps(list, lane, JUMPS_OF_NODE, &s.jumps);
+}
+
+/// Returns a vector that was stored in a lane of a block, from number `k` on.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+fn stored(list: &mut [f32], lane: usize, k: usize) -> V3 {
+    v3(
+        list[lane + LANES * k],
+        list[lane + LANES * (k + 1)],
+        list[lane + LANES * (k + 2)],
+    )
+}
+
+/// Returns the normals of the faces of an edge that was stored in a lane of a leaf's block.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+pub(super) fn normals_of_lane(list: &mut [f32], lane: usize) -> Pair {
+    Pair {
+        first: stored(list, lane, FRONT),
+        second: stored(list, lane, BACK),
+    }
+}
+
+/// Returns the jump as a silhouette of an edge that was stored in a lane of a leaf's block.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+pub(super) fn fold_of_lane(list: &mut [f32], lane: usize) -> f32 {
+    list[lane + LANES * (JUMPS_OF_LEAF + 2)]
 }
 
 /// Computes the weights of the branches of a node, and whether each is to be entered.

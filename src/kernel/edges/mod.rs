@@ -19,12 +19,16 @@ use crate::model::V3;
 use crate::model::edge_weight::{BORDER, CROSSING, FOLD};
 use crate::scene::HostScene;
 use crate::trace::{CLOSED, OF_EDGE, Scene};
+#[cfg(feature = "gpu")]
+pub(crate) use bounds::Bounds;
 use bounds::EdgeList;
 use crossings::LastCrossings;
 pub(crate) use draw::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
 #[cfg(feature = "gpu")]
-pub(crate) use draw::{LEAF, put_edge};
+pub(crate) use draw::{LEAF, NODE, put_edge, put_subtree};
 use meshes::MeshEdges;
+#[cfg(feature = "gpu")]
+pub(crate) use tree::TreeShape;
 use tree::{Division, EdgeTree};
 
 /// The largest number of faces of an edge. Further faces count as surfaces behind the edge.
@@ -289,6 +293,25 @@ impl EdgeSets {
         let edges = &self.edges;
         let meshes = |k: &u32| k % CLOSED != CROSSING;
         [edges.count, edges.kinds.partition_point(meshes)].map(|n| n as u32)
+    }
+
+    /// Returns whether derivatives are required with respect to a body that intersects another one.
+    #[cfg(feature = "gpu")]
+    pub fn crossings_move(&self, scene: &KernelScene, wanted: &Wanted) -> bool {
+        // They come last.
+        let edges = (0..self.edges.count).rev().map(|i| self.edges.get(i));
+        let mut crossings = edges.take_while(|e| e.kind == Kind::Crossing);
+        crossings.any(|e| e.moves(scene, wanted))
+    }
+
+    /// Returns the shapes of the tree over all edges and of the tree over those that move.
+    #[cfg(feature = "gpu")]
+    pub fn shapes(&self) -> [&Arc<TreeShape>; 2] {
+        let moving = match &self.moving {
+            Moving::Separate(tree) => &tree.shape,
+            _ => &self.tree.shape,
+        };
+        [&self.tree.shape, moving]
     }
 
     /// Returns the tree over the edges that matter to rays: all edges for rays that move, otherwise the edges that

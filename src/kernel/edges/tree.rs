@@ -1,14 +1,19 @@
 //! A tree over edges. It is built from the top: each node divides its edges into eight parts of nearby edges.
 
 use std::ops::Range;
+use std::sync::Arc;
+#[cfg(feature = "gpu")]
+use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
 use super::Kind;
 use super::bounds::{Bounds, EdgeList};
-use super::draw::{LEAF, NODE, Root, put_edge};
+use super::draw::{LEAF, NODE, Root, put_edge, put_subtree};
 use crate::accel::LANES;
-use crate::accel::eights::{Divide, NONE, Shape, set};
+#[cfg(feature = "gpu")]
+use crate::accel::Parts;
+use crate::accel::eights::{Divide, NONE, Shape};
 use crate::model::V3;
 
 /// Up to this many edges form a list, in which the weight of each is computed.
@@ -17,14 +22,51 @@ const MAX_LIST_EDGES: usize = 64;
 /// A tree over edges, or a list of few edges. A [`Root`] reads it.
 #[derive(Default)]
 pub(super) struct EdgeTree {
+    pub shape: Arc<TreeShape>,
+    /// The numbers of nodes and leaves, and their bounds. These are empty for renders on GPUs, which compute them.
     nodes: Vec<f32>,
-    children: Vec<u32>,
-    /// Empty for renders on GPUs, which compute the leaves.
     leaves: Vec<f32>,
-    edges: Vec<u32>,
     of_leaves: Vec<Bounds>,
     of_nodes: Vec<Bounds>,
     moves: bool,
+}
+
+/// The children and edges of a tree over edges. They stay the same while edges only move.
+#[derive(Default)]
+pub(crate) struct TreeShape {
+    /// The children of all nodes. It is empty for a list of edges.
+    pub children: Vec<u32>,
+    /// The edges of all leaves, or [`NONE`].
+    pub edges: Vec<u32>,
+    #[cfg(feature = "gpu")]
+    parts: OnceLock<Parts>,
+}
+
+impl TreeShape {
+    /// Returns the shape of a tree with edges in its order: the last one if that is the same.
+    fn new((which, shape): &Divided, last: &Arc<Self>) -> Arc<Self> {
+        let mut edges = vec![NONE; LANES * shape.leaves.len()];
+        let leaves = edges.par_chunks_mut(LANES).zip(&shape.leaves);
+        leaves.for_each(|(leaf, list)| leaf[..list.len()].copy_from_slice(&which[list.clone()]));
+        let children = shape.nodes.as_flattened();
+        if last.children == children && last.edges == edges {
+            return last.clone();
+        }
+        Arc::new(Self {
+            children: children.to_vec(),
+            edges,
+            ..Self::default()
+        })
+    }
+
+    /// Returns the parts in which a GPU computes the nodes.
+    #[cfg(feature = "gpu")]
+    pub fn parts(&self) -> &Parts {
+        self.parts.get_or_init(|| {
+            let node = |child: u32| (child & 1 == 0).then_some(child as usize / 2);
+            Parts::new(self.children.as_chunks::<LANES>().0, node)
+        })
+    }
 }
 
 /// A division of mesh edges into leaves. It can be reused as long as the edges of its leaves stay close together.
@@ -154,92 +196,104 @@ impl EdgeTree {
         Self::shaped(source, &joined(parts), last)
     }
 
-    /// Builds a tree of a given shape over edges in its order. Leaves of the last render are kept if they have the same
-    /// edges and none has changed.
-    fn shaped(source: &EdgeList, (which, shape): &Divided, mut last: Self) -> Self {
-        let (count, numbers) = (shape.leaves.len(), LANES * LEAF);
-        let mut leaves = std::mem::take(&mut last.leaves);
-        let length = if source.for_gpu { 0 } else { numbers * count };
-        if leaves.len() != length {
-            leaves = vec![0.0; length];
-            last.edges.clear();
+    /// Builds a tree of a given shape over edges in its order.
+    fn shaped(source: &EdgeList, divided: &Divided, last: Self) -> Self {
+        let shape = TreeShape::new(divided, &last.shape);
+        let moves = source.scene.velocities.is_some();
+        if source.for_gpu {
+            return Self {
+                shape,
+                moves,
+                ..Self::default()
+            };
         }
-        let blocks: Vec<&mut [f32]> = match source.for_gpu {
-            true => (0..count).map(|_| Default::default()).collect(),
-            false => leaves.chunks_mut(numbers).collect(),
+        let before = last.shape.clone();
+        let mut this = Self {
+            shape,
+            moves,
+            ..last
         };
-        let mut edges = vec![NONE; LANES * count];
-        let blocks = blocks.into_par_iter().zip(edges.par_chunks_mut(LANES));
-        let blocks = blocks.zip(&shape.leaves).enumerate();
-        let of_leaves = blocks.map_init(Vec::new, |seen, (leaf, ((block, edges), list))| {
-            let list = &which[list.clone()];
-            edges[..list.len()].copy_from_slice(list);
-            let before = last.edges.get(LANES * leaf..LANES * (leaf + 1));
-            if before == Some(&*edges) && !list.iter().any(|&i| source.edges.changed[i as usize]) {
-                return (last.of_leaves[leaf], false);
+        let new_leaves = this.set_leaves(source, &before);
+        this.set_nodes(&before, &new_leaves);
+        this
+    }
+
+    /// Computes leaves and returns which are new. Leaves of the last render are kept if they have the same edges and none
+    /// has changed.
+    fn set_leaves(&mut self, source: &EdgeList, before: &TreeShape) -> Vec<bool> {
+        let (count, numbers) = (self.shape.edges.len() / LANES, LANES * LEAF);
+        let mut known = &before.edges[..];
+        if self.of_leaves.len() != count {
+            self.leaves = vec![0.0; numbers * count];
+            self.of_leaves = vec![Bounds::none(); count];
+            known = &[];
+        }
+        let blocks = self.leaves.par_chunks_mut(numbers).zip(&mut self.of_leaves);
+        let blocks = blocks.zip(self.shape.edges.par_chunks(LANES));
+        let new_leaves = blocks.enumerate().map(|(leaf, ((block, bounds), edges))| {
+            let list = || edges.iter().copied().filter(|&i| i != NONE);
+            let last = known.get(LANES * leaf..LANES * (leaf + 1));
+            if last == Some(edges) && !list().any(|i| source.edges.changed[i as usize]) {
+                return false;
             }
-            seen.clear();
-            seen.extend(list.iter().map(|&i| source.seen(i)));
-            if !source.for_gpu {
-                block.fill(0.0);
-                for (i, (edge, velocity)) in seen.iter().enumerate() {
-                    put_edge(block, i, edge, *velocity);
-                }
+            block.fill(0.0);
+            let mut all = Bounds::none();
+            for (lane, i) in list().enumerate() {
+                let (edge, velocity) = source.seen(i);
+                put_edge(block, lane, &edge, velocity);
+                all.add_edge(&edge, velocity);
             }
-            (Bounds::new(seen), true)
+            *bounds = all.over_leaf(block, 0);
+            true
         });
-        let (of_leaves, new_leaves): (Vec<Bounds>, Vec<bool>) = of_leaves.unzip();
-        let all = shape.nodes.concat();
-        let mut nodes = std::mem::take(&mut last.nodes);
-        let (mut of_nodes, mut new_nodes) = (last.of_nodes, vec![false; shape.nodes.len()]);
-        if last.children != all {
-            nodes = vec![0.0; LANES * NODE * shape.nodes.len()];
-            of_nodes = vec![Bounds::new(&[]); shape.nodes.len()];
+        new_leaves.collect()
+    }
+
+    /// Computes the nodes above leaves that are new, or all nodes if they have other children than before.
+    fn set_nodes(&mut self, before: &TreeShape, new_leaves: &[bool]) {
+        let shape = &self.shape;
+        let children = shape.children.as_chunks::<LANES>().0;
+        let count = children.len();
+        let mut new_nodes = vec![false; count];
+        if self.of_nodes.len() != count || before.children != shape.children {
+            self.nodes = vec![0.0; LANES * NODE * count];
+            self.of_nodes = vec![Bounds::none(); count];
             new_nodes.fill(true);
         }
         let mut parts = Vec::with_capacity(LANES);
         // Children come after their parents.
-        let blocks = nodes.chunks_mut(LANES * NODE).zip(&shape.nodes);
+        let blocks = self.nodes.chunks_mut(LANES * NODE).zip(children);
         for (at, (block, children)) in blocks.enumerate().rev() {
             let children = children.iter().enumerate().filter(|(_, c)| **c != NONE);
             let is_new = |(_, &child): (usize, &u32)| {
-                [&new_nodes, &new_leaves][child as usize % 2][child as usize / 2]
+                [&new_nodes[..], new_leaves][child as usize % 2][child as usize / 2]
             };
-            new_nodes[at] |= children.clone().any(is_new);
-            if !new_nodes[at] {
+            if !new_nodes[at] && !children.clone().any(is_new) {
                 continue;
             }
+            new_nodes[at] = true;
             parts.clear();
             for (i, &child) in children {
-                let list = [&of_nodes, &of_leaves][child as usize % 2];
+                let list = [&self.of_nodes, &self.of_leaves][child as usize % 2];
                 let own = list[child as usize / 2];
-                set(block, i, own.subtree().numbers());
+                put_subtree(block, i, &own.subtree());
                 parts.push(own);
             }
-            of_nodes[at] = Bounds::joined(&parts);
-        }
-        Self {
-            nodes,
-            children: all,
-            leaves,
-            edges,
-            of_leaves,
-            of_nodes,
-            moves: source.scene.velocities.is_some(),
+            self.of_nodes[at] = Bounds::joined(&parts);
         }
     }
 
     /// Returns the part of the tree below a node, or the whole list.
     pub fn root(&self, node: u32) -> Root<'_> {
-        let is_list = self.nodes.is_empty();
+        let is_list = self.shape.children.is_empty();
         Root {
             nodes: &self.nodes,
-            children: &self.children,
+            children: &self.shape.children,
             leaves: &self.leaves,
-            edges: &self.edges,
+            edges: &self.shape.edges,
             start: if is_list { 1 } else { 2 * node },
             count: if is_list {
-                (self.edges.len() / LANES) as u32
+                (self.shape.edges.len() / LANES) as u32
             } else {
                 1
             },

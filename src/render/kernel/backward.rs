@@ -10,13 +10,13 @@ use burn::tensor::TensorData;
 use rayon::prelude::*;
 
 use super::forward::camera_tiles;
-use super::prepare::Places;
 use super::rows::Rows;
 use crate::kernel::{FilmEdges, HostSums, ON_FILM, PixelGradients, Seen, View, Work, Yields};
 use crate::model::film::{MAX_EDGE_SAMPLES, samples_of_film};
 use crate::model::integers::hashed;
 use crate::model::jumps::usual_searches;
 use crate::render::options::RenderOptions;
+use crate::render::standing::Places;
 use crate::render::tiles::Tile;
 
 /// The maximum total size, in numbers, of all accumulators of derivatives.

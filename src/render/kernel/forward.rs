@@ -6,12 +6,12 @@ use std::sync::atomic::AtomicUsize;
 use burn::tensor::{Element, TensorData};
 use rayon::prelude::*;
 
-use super::prepare::Places;
 use super::rows::Rows;
 use crate::error::Result;
 use crate::kernel::{Counted, RayCounts, View, Work};
 use crate::model::V3;
 use crate::render::options::RenderOptions;
+use crate::render::standing::Places;
 use crate::render::tiles::{Tile, tiles};
 
 /// The default number of camera rays per tile.

@@ -5,6 +5,8 @@ mod backward;
 mod forward;
 mod prepare;
 mod rows;
+#[cfg(feature = "gpu")]
+mod step;
 mod trace;
 
 use std::collections::{HashMap, HashSet};
@@ -16,14 +18,20 @@ use super::batch::Batch;
 use super::film::{Means, Program, Statistics};
 use super::node::{Derivative, attach};
 use super::options::RenderOptions;
+#[cfg(feature = "gpu")]
+use super::standing::Group;
+use super::standing::Places;
 use crate::error::Result;
 use crate::geometry::Context;
+#[cfg(feature = "gpu")]
+use crate::gpu::Job;
 use crate::kernel::View;
 use crate::scene::{Camera, ParameterId, Scene};
 use crate::tensors::Diagnostics;
 use crate::warnings::warning;
 use backward::Backward;
-use prepare::{Places, Prepared, prepare};
+use forward::Traced;
+use prepare::{Prepared, prepare};
 pub(super) use prepare::{copy, on_gpu};
 use rows::Rows;
 use trace::{Jobs, Pass};
@@ -79,6 +87,8 @@ pub(super) fn derivatives(
             rows: &channels,
             pixels: None,
             count: options.width * options.height,
+            groups: None,
+            row: None,
         };
         return Ok((pass.derivatives(&rows)?, Program::DeviceKernels));
     }
@@ -104,12 +114,20 @@ pub(super) fn render(
     options: &RenderOptions,
     pixels: Option<Arc<Vec<u32>>>,
 ) -> Result<Means> {
+    #[cfg(feature = "gpu")]
+    let prepared = step::prepare_step(batch, options)?;
+    #[cfg(not(feature = "gpu"))]
+    let prepared = prepare(batch, options, true, None)?;
     let Prepared {
         views,
         parent,
         context,
         lit,
-    } = prepare(batch, options, true, None)?;
+        #[cfg(feature = "gpu")]
+        groups,
+        #[cfg(feature = "gpu")]
+        late,
+    } = prepared;
     let objects = views.iter().map(|(v, _)| v.scene.lists.counted.len()).max();
     let objects = objects.unwrap_or(0);
     let rows = Rows::new(options.outputs, objects);
@@ -124,6 +142,10 @@ pub(super) fn render(
         rows: &rows,
         pixels: pixels.clone(),
         count,
+        #[cfg(feature = "gpu")]
+        groups: groups.as_deref(),
+        #[cfg(feature = "gpu")]
+        row: late.row.as_ref(),
     };
     let ((mut mean, traced), jobs) = pass.trace(parent.is_some().then_some(0))?;
     let program = match jobs {
@@ -131,16 +153,8 @@ pub(super) fn render(
         None => Program::HostKernels,
     };
     // Scenes without light have their own warning.
-    if lit
-        && !options.quiet
-        && pixels.is_none()
-        && let Some(black) = traced.iter().position(|t| !t.lit)
-    {
-        warning!(
-            "the image of view {black} is black though its scene has light: does the camera look at \
-             something lit? Emitters shine from their front alone, and a closed object hides what is \
-             inside of it"
-        );
+    if lit && !options.quiet && pixels.is_none() {
+        warn_of_black_images(&traced);
     }
     let diagnosed = views.iter().zip(&traced).filter(|_| options.diagnostics);
     let diagnostics = diagnosed.map(|((view, _), traced)| Diagnostics {
@@ -160,7 +174,14 @@ pub(super) fn render(
     if let Some(parent) = parent {
         let size = parent.dims()[0];
         let derivative = match jobs {
-            Some(jobs) => of_jobs(jobs, &context, views, size),
+            Some(jobs) => {
+                let views = Arc::new(views);
+                #[cfg(feature = "gpu")]
+                if let Some(cache) = &options.cache {
+                    late.keep(cache, &views, &groups_of(&jobs), (&context, lit));
+                }
+                of_jobs(jobs, &context, views, size)
+            }
             None => {
                 let backward = Backward::new(views, size, rows, options, pixels);
                 Derivative::Host(Box::new(move |upstream| backward.gradient(upstream)))
@@ -176,19 +197,36 @@ pub(super) fn render(
     })
 }
 
+/// Warns of a view of a scene with light whose image is black.
+fn warn_of_black_images(traced: &[Traced]) {
+    if let Some(black) = traced.iter().position(|t| !t.lit) {
+        warning!(
+            "the image of view {black} is black though its scene has light: does the camera look at \
+             something lit? Emitters shine from their front alone, and a closed object hides what is \
+             inside of it"
+        );
+    }
+}
+
+/// The groups of views that jobs trace.
+#[cfg(feature = "gpu")]
+fn groups_of(jobs: &Jobs) -> Vec<Group> {
+    let group = |(views, job): &(Vec<usize>, Job)| (views.clone(), job.views.clone());
+    jobs.iter().map(group).collect()
+}
+
 /// The derivative on a GPU with respect to `numbers` parameters.
 fn of_jobs(
     jobs: Jobs,
     context: &Context,
-    views: Vec<(View, Places)>,
+    views: Arc<Vec<(View, Places)>>,
     numbers: usize,
 ) -> Derivative {
     #[cfg(feature = "gpu")]
     {
         let device = context.device.clone();
         Derivative::Gpu(Box::new(move |upstream| {
-            let views = views.iter().map(|(v, p)| (v, &*p.scene, &*p.camera));
-            let views: Vec<_> = views.collect();
+            let views: Vec<_> = views.iter().map(step::as_places).collect();
             crate::gpu::gradient_of(&device, upstream, &jobs, &views, numbers)
         }))
     }

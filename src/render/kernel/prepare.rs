@@ -2,7 +2,6 @@
 //! parent of the images of a batch.
 
 use std::collections::HashSet;
-use std::ops::Range;
 use std::sync::Arc;
 
 #[cfg(feature = "gpu")]
@@ -19,8 +18,13 @@ use crate::model::camera::HostCamera;
 use crate::model::filter::Filters;
 use crate::render::batch::{Batch, OnHost, in_batch};
 use crate::render::cache::{HierarchyCache, LastScene};
+#[cfg(feature = "gpu")]
+use crate::render::late::Late;
 use crate::render::mistakes::warn_of_views;
 use crate::render::options::{RenderOptions, sampler};
+#[cfg(feature = "gpu")]
+use crate::render::standing::Group;
+use crate::render::standing::{Places, TensorPlaces};
 use crate::scene::{
     Camera, Collect, HostScene, Identity, ParameterId, Transfer, Visit, host_device, look_at_scene,
     visit_camera,
@@ -35,6 +39,11 @@ pub(super) struct Prepared {
     pub context: Context,
     /// Whether all scenes have light.
     pub lit: bool,
+    /// The groups of the last render with the present values, if they serve.
+    #[cfg(feature = "gpu")]
+    pub groups: Option<Vec<Group>>,
+    #[cfg(feature = "gpu")]
+    pub late: Late,
 }
 
 /// Copies the scenes and cameras of a batch to the host. Constants in the cache are not read again. `read` returns the
@@ -153,6 +162,9 @@ pub(super) fn prepare(
         unreachable!("the softmax is for tensors");
     };
     let last = options.cache.clone().unwrap_or_default();
+    // What is kept for a late step would keep the last lists from being reused.
+    #[cfg(feature = "gpu")]
+    drop(last.take_standing());
     let (mut hosts, cameras) = stage("read and check", || read(batch, &last))?;
     let context = hosts[0].context.clone();
     let lit = hosts.iter().all(HostScene::has_light);
@@ -225,21 +237,15 @@ pub(super) fn prepare(
         parent: (!row.rows.is_empty()).then(|| Tensor::cat(row.rows, 0)),
         context,
         lit,
+        #[cfg(feature = "gpu")]
+        groups: None,
+        #[cfg(feature = "gpu")]
+        late: Late::default(),
     })
 }
 
-/// The ranges of tensors in the row.
-pub(super) type TensorPlaces = Vec<(ParameterId, Range<usize>)>;
-
-/// The ranges of a view's derivatives in the row.
-#[derive(Clone, Default)]
-pub(super) struct Places {
-    pub scene: TensorPlaces,
-    pub camera: TensorPlaces,
-}
-
 /// Adds the batch's vertices to the row, then the tensors of its scenes. Returns the ranges of each scene's tensors.
-fn collect_scenes(row: &mut Collect, batch: &Batch) -> Vec<TensorPlaces> {
+pub(super) fn collect_scenes(row: &mut Collect, batch: &Batch) -> Vec<TensorPlaces> {
     let mut starts = Vec::with_capacity(batch.vertices.len());
     for (_, values) in &batch.vertices {
         starts.push(row.size);

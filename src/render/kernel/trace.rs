@@ -8,20 +8,24 @@ use burn::tensor::{DType, Int, Tensor};
 use rayon::prelude::*;
 
 use super::forward::{Forward, Traced, camera_tiles};
-use super::prepare::Places;
 #[cfg(feature = "gpu")]
 use super::prepare::on_gpu;
 use super::rows::Rows;
+#[cfg(feature = "gpu")]
+use super::step::as_places;
 #[cfg(feature = "gpu")]
 use crate::device::stage;
 use crate::error::Result;
 use crate::geometry::{Context, host_values};
 #[cfg(feature = "gpu")]
-use crate::gpu::{Job, Packed, pack};
+use crate::gpu::{Job, Row, ViewPlaces, pack};
 use crate::kernel::View;
 use crate::render::adaptive::{pilots, shares};
 use crate::render::cache::HierarchyCache;
 use crate::render::options::RenderOptions;
+#[cfg(feature = "gpu")]
+use crate::render::standing::Group;
+use crate::render::standing::Places;
 
 /// The parameters of a forward pass.
 pub(super) struct Pass<'a> {
@@ -32,6 +36,11 @@ pub(super) struct Pass<'a> {
     /// The pixels of each view (all if `None`), and their number.
     pub pixels: Option<Arc<Vec<u32>>>,
     pub count: usize,
+    /// On a GPU: the groups of all views, if they are packed, and otherwise the row from which it places tensors.
+    #[cfg(feature = "gpu")]
+    pub groups: Option<&'a [Group]>,
+    #[cfg(feature = "gpu")]
+    pub row: Option<&'a Row>,
 }
 
 /// The rows `[B·P, C]` of the pixels of some views, and the counts of each view.
@@ -42,7 +51,7 @@ struct Together {
     views: Range<usize>,
     /// On a GPU: groups of views, with the indices of their views in this range.
     #[cfg(feature = "gpu")]
-    packed: Vec<(Vec<usize>, Arc<Packed>)>,
+    packed: Vec<Group>,
 }
 
 /// Pixels of a view (all if there is no list), their number, and their samples.
@@ -236,12 +245,17 @@ impl Pass<'_> {
 
     /// Packs views to be traced together, with a cache into the buffers of the last render.
     fn together(&self, views: Range<usize>, cache: Option<&HierarchyCache>) -> Together {
-        let of: Vec<&View> = self.views[views.clone()].iter().map(|v| &v.0).collect();
+        if let Some(groups) = self.groups {
+            let packed = groups.to_vec();
+            return Together { views, packed };
+        }
+        let of = self.views[views.clone()].iter().map(as_places);
+        let of: Vec<ViewPlaces> = of.collect();
         let mut packed = Vec::new();
         if self.on_gpu() {
             let device = &self.context.device;
             let last = cache.map(|cache| cache.buffers.take(device));
-            packed = stage("pack", || pack(&of, last.into_iter().flatten()));
+            packed = stage("pack", || pack(&of, self.row, last.into_iter().flatten()));
         }
         let packed = packed
             .into_iter()
@@ -256,16 +270,17 @@ impl Pass<'_> {
     pub fn derivatives(&self, directions: &[Vec<f64>]) -> Result<Tensor<3>> {
         let ((values, _), jobs) = self.trace(Some(directions.len()))?;
         let jobs = jobs.expect("a GPU has jobs");
-        let (view, places) = &self.views[0];
-        let of_view = (view, &*places.scene, &*places.camera);
-        let (_, tangents) = view.tangents((of_view.1, of_view.2), directions, Vec::new());
+        let of_view = as_places(&self.views[0]);
+        let (_, tangents) = of_view
+            .0
+            .tangents((of_view.1, of_view.2), directions, Vec::new());
         let device = &self.context.device;
         let derivatives = crate::gpu::derivatives_of(device, &jobs[0].1, of_view, &tangents)?;
         Ok(Tensor::cat(vec![derivatives, values.unsqueeze()], 0))
     }
 
     fn jobs(&self, of: &Together, share: &Share) -> Jobs {
-        let job = |(group, packed): &(Vec<usize>, Arc<Packed>)| {
+        let job = |(group, packed): &Group| {
             let job = Job {
                 views: packed.clone(),
                 pixels: share.pixels.clone(),

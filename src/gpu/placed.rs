@@ -1,0 +1,281 @@
+//! Vertices, normals and tangents that the device places into the lists of scenes, from the row of all tracked tensors.
+//! The host gets to know later how far vertices have moved, and their values on request.
+
+use std::collections::HashSet;
+use std::future::ready;
+use std::ops::Range;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll, Waker};
+
+use burn::backend::Cube;
+use burn::cubecl::bytes::Bytes;
+use burn::cubecl::future::block_on;
+use burn::tensor::Tensor;
+
+use crate::cube::*;
+
+use super::device::{List, floats, launch};
+use crate::geometry::detached;
+use crate::kernel::{KernelScene, View};
+use crate::model::numbers::{is_finite, magnitude};
+use crate::model::triangle::AREA;
+use crate::scene::ParameterId;
+use crate::trace::{HEADER, HeaderWord};
+
+/// The ranges of a view's tensors in the row, and in its gradient.
+pub(crate) type TensorPlaces<'a> = &'a [(ParameterId, Range<usize>)];
+
+/// A view, and the ranges of the tensors of its scene and of its camera.
+pub(crate) type ViewPlaces<'a> = (&'a View, TensorPlaces<'a>, TensorPlaces<'a>);
+
+/// Number of words of a tensor in the table: the number of elements before it in the table, its first element in the
+/// row, the place of its list, and its kind. For vertices, the bits of numbers follow: the center of the scene's frame
+/// as two numbers per axis, 1 over the frame's unit, and 1 over a typical length of edges.
+const OF_TENSOR: usize = 12;
+const CENTER: usize = 4;
+const REST: usize = 7;
+const PER_UNIT: usize = 10;
+const PER_EDGE: usize = 11;
+/// Kinds of tensors: vertices, which lists store in the scene's frame as two numbers, and others, which they store as
+/// they are.
+const OF_VERTICES: u32 = 0;
+const AS_IT_IS: u32 = 1;
+
+/// The number of triangles by which the typical length of an object's edges is judged.
+const SOME: usize = 256;
+
+type Reading = Pin<Box<dyn Future<Output = Option<Vec<Bytes>>> + Send>>;
+
+/// The row of all tracked tensors on a device, from which tensors are placed.
+#[derive(Clone)]
+pub(crate) struct Row {
+    list: List,
+    /// Whether the host reads its values.
+    reads: bool,
+}
+
+impl Row {
+    /// Takes a row, or returns `None` if it is not on a GPU. If `reads`, the host gets its values later.
+    pub fn new(row: &Tensor<1>, reads: bool) -> Option<Self> {
+        let row = detached(row).try_into_primitive::<Cube>().ok()?;
+        let (_, list) = floats(row);
+        Some(Self { list, reads })
+    }
+}
+
+/// What a device has found while it placed tensors, which the host reads later.
+pub(crate) struct Report(Option<Reading>);
+
+impl Drop for Report {
+    /// Waits for the device, since CubeCL reuses the memory of copies that are given up while the device writes them.
+    fn drop(&mut self) {
+        self.0.take().map(block_on);
+    }
+}
+
+/// The content of a report.
+pub(crate) struct Found {
+    /// The longest move of a vertex, divided by a typical length of its object's edges. It is infinite or NaN if a
+    /// value is not finite.
+    pub moved: f32,
+    /// The values of the row, if they were requested.
+    pub values: Option<Vec<f64>>,
+}
+
+impl Report {
+    /// Waits until the device has placed the tensors. Returns `None` if it has failed.
+    pub fn read(mut self) -> Option<Found> {
+        let mut lists = block_on(self.0.take()?)?.into_iter();
+        let moved = *u32::from_bytes(&lists.next()?).first()?;
+        let values = lists.next();
+        let values = values.map(|v| f32::from_bytes(&v).iter().map(|&x| x.into()).collect());
+        Some(Found {
+            moved: f32::from_bits(moved),
+            values,
+        })
+    }
+}
+
+/// The tensors to place into the lists of a group of views.
+pub(super) struct Placing {
+    row: Row,
+    table: Vec<u32>,
+    elements: usize,
+    /// The ranges of the lists in which they are placed.
+    pub ranges: Vec<Range<usize>>,
+    /// Words that are replaced, each behind its place.
+    words: Vec<[u32; 2]>,
+}
+
+impl Placing {
+    /// Lists the tensors of the views' scenes, whose lists begin where `header` says, and words to replace. Returns `None`
+    /// if there is nothing to do.
+    pub fn new(
+        row: &Row,
+        views: &[ViewPlaces],
+        header: &[u32],
+        words: Vec<[u32; 2]>,
+    ) -> Option<Self> {
+        let mut this = Self {
+            row: row.clone(),
+            table: Vec::new(),
+            elements: 0,
+            ranges: Vec::new(),
+            words,
+        };
+        let mut known = HashSet::new();
+        for (&(view, places, _), header) in views.iter().zip(header.chunks(HEADER)) {
+            if known.insert(Arc::as_ptr(&view.scene)) {
+                for (id, range) in places {
+                    this.add(&view.scene, *id, [range.start, range.len()], header);
+                }
+            }
+        }
+        (this.elements + this.words.len() > 0).then_some(this)
+    }
+
+    fn add(
+        &mut self,
+        scene: &KernelScene,
+        id: ParameterId,
+        [start, length]: [usize; 2],
+        header: &[u32],
+    ) {
+        use HeaderWord as W;
+        use ParameterId as Id;
+        let (Id::Vertices(i) | Id::Normals(i) | Id::Tangents(i)) = id else {
+            return;
+        };
+        let part = &scene.lists.objects[i];
+        let (list, first, kind) = match id {
+            Id::Vertices(_) => (W::vertices, 6 * part.first_vertex, OF_VERTICES),
+            Id::Normals(_) => (W::normals, 3 * part.first_normal, AS_IT_IS),
+            _ => (W::tangents, 4 * part.first_tangent, AS_IT_IS),
+        };
+        let to = header[list as usize] + first as u32;
+        let of_list = if kind == OF_VERTICES {
+            2 * length
+        } else {
+            length
+        };
+        self.ranges.push(to as usize..to as usize + of_list);
+        let before = self.elements as u32;
+        self.table.extend([before, start as u32, to, kind]);
+        let center = scene.frame.center;
+        let coarse = center.as_vec3();
+        let rest = (center - coarse.as_dvec3()).as_vec3();
+        let numbers = [coarse, rest].map(|v| v.to_array());
+        let units = [
+            1.0 / scene.frame.unit as f32,
+            1.0 / typical_edge(scene, i).max(f32::MIN_POSITIVE),
+        ];
+        let numbers = numbers.as_flattened().iter().chain(&units);
+        self.table.extend(numbers.map(|x| x.to_bits()));
+        self.elements += length;
+    }
+
+    /// Places the tensors into the lists of floats, replaces words, and returns what the device will have found.
+    pub fn place(&self, client: &Client, floats: &List, words: &List) -> Report {
+        let table = [&self.table, self.words.as_flattened()].concat();
+        let [table, found] = List::send(client, [u32::as_bytes(&table), &[0; 4]]);
+        launch!(
+            client,
+            self.elements.max(self.words.len()),
+            place_tensors(
+                floats,
+                words,
+                &self.row.list,
+                &table,
+                &found,
+                (self.table.len() / OF_TENSOR) as u32,
+                self.elements as u32
+            )
+        );
+        let mut handles = vec![found.handle];
+        if self.row.reads {
+            handles.push(self.row.list.handle.clone());
+        }
+        let client = client.clone();
+        let mut reading: Reading = Box::pin(async move { client.read_async(handles).await.ok() });
+        // The device begins to copy, and nothing waits.
+        let begun = &mut Context::from_waker(Waker::noop());
+        match reading.as_mut().poll(begun) {
+            Poll::Ready(found) => Report(Some(Box::pin(ready(found)))),
+            Poll::Pending => Report(Some(reading)),
+        }
+    }
+}
+
+/// Returns the typical length of an object's edges, from some of its triangles.
+fn typical_edge(scene: &KernelScene, object: usize) -> f32 {
+    let objects = &scene.lists.objects;
+    let past = objects.get(object + 1);
+    let past = past.map_or(scene.lists.surfaces.len(), |o| o.first_triangle);
+    let own = &scene.lists.surfaces[objects[object].first_triangle..past];
+    let some = own.iter().step_by((own.len() / SOME).max(1));
+    let (sum, count) = some.fold((0.0, 0), |(sum, count), s| (sum + s[AREA], count + 1));
+    (2.0 * sum / count.max(1) as f32).sqrt()
+}
+
+/// Places the elements of `tensors` tensors into the lists of floats, one per thread, and finds the longest move of a
+/// vertex. Replaces the words that stand behind the tensors in the table.
+#[cube(launch)]
+fn place_tensors(
+    lists: &mut [f32],
+    words: &mut [u32],
+    row: &[f32],
+    table: &[u32],
+    found: &[Atomic<u32>],
+    tensors: u32,
+    elements: u32,
+) {
+    let replaced = tensors as usize * OF_TENSOR + 2 * ABSOLUTE_POS;
+    if replaced < table.len() {
+        words[table[replaced] as usize] = table[replaced + 1];
+    }
+    if ABSOLUTE_POS < elements as usize {
+        // Find the last tensor that begins at or before the element.
+        let mut tensor = 0usize;
+        let mut past = tensors as usize;
+        while past - tensor > 1 {
+            let middle = (tensor + past) / 2;
+            if table[middle * OF_TENSOR] as usize <= ABSOLUTE_POS {
+                tensor = middle;
+            } else {
+                past = middle;
+            }
+        }
+        let of = tensor * OF_TENSOR;
+        let i = ABSOLUTE_POS as u32 - table[of];
+        let value = row[(table[of + 1] + i) as usize];
+        let first = table[of + 2];
+        let mut moved = 0u32;
+        if table[of + 3] == OF_VERTICES {
+            let axis = (i % 3) as usize;
+            let center = f32::from_bits(table[of + CENTER + axis]);
+            // The difference from the center, and its rounding error.
+            let away = value - center;
+            let back = away - value;
+            let error = (value - (away - back)) - (center + back);
+            let rest = error - f32::from_bits(table[of + REST + axis]);
+            let rounded = away + rest;
+            let remainder = rest - (rounded - away);
+            let per_unit = f32::from_bits(table[of + PER_UNIT]);
+            let to = (first + 6 * (i / 3)) as usize + axis;
+            let new = rounded * per_unit;
+            let move_of_it = (new - lists[to]) * f32::from_bits(table[of + PER_EDGE]);
+            moved = magnitude(move_of_it);
+            lists[to] = new;
+            lists[to + 3] = remainder * per_unit;
+        } else {
+            lists[(first + i) as usize] = value;
+        }
+        // The bits of any number that is not finite are above all others.
+        let bits = select(is_finite(value), moved, magnitude(value));
+        let most = &found[0];
+        if most.load() < bits {
+            most.fetch_max(bits);
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! What a render leaves to the next one, and where tensors are in the row.
+
+use std::ops::Range;
+#[cfg(feature = "gpu")]
+use std::sync::Arc;
+
+#[cfg(feature = "gpu")]
+use crate::geometry::Context;
+#[cfg(feature = "gpu")]
+use crate::gpu::{Packed, Report};
+#[cfg(feature = "gpu")]
+use crate::kernel::View;
+use crate::scene::ParameterId;
+#[cfg(feature = "gpu")]
+use crate::scene::{Camera, Scene};
+
+/// The ranges of tensors in the row.
+pub(super) type TensorPlaces = Vec<(ParameterId, Range<usize>)>;
+
+/// The ranges of a view's derivatives in the row.
+#[derive(Clone, Default)]
+pub(super) struct Places {
+    pub scene: TensorPlaces,
+    pub camera: TensorPlaces,
+}
+
+/// A group of views that kernels trace together, with the indices of its views.
+#[cfg(feature = "gpu")]
+pub(super) type Group = (Vec<usize>, Arc<Packed>);
+
+/// Everything by which a render may differ from another one, except the random numbers and the values of tensors that
+/// a device places: a hash of numbers and of the places of tensors in memory, and lists of integers.
+#[cfg(feature = "gpu")]
+pub(super) struct Look {
+    pub hash: u64,
+    pub faces: Vec<Arc<Vec<[u32; 3]>>>,
+    pub indices: Vec<Arc<Vec<u32>>>,
+    /// The scenes and cameras without graph, which keep these places from being taken by other tensors.
+    pub _scenes: Vec<Scene>,
+    pub _cameras: Vec<Camera>,
+}
+
+#[cfg(feature = "gpu")]
+impl PartialEq for Look {
+    fn eq(&self, other: &Self) -> bool {
+        let hash = self.hash == other.hash;
+        hash && self.faces == other.faces && self.indices == other.indices
+    }
+}
+
+/// A render whose data serves the next one, if that looks the same.
+#[cfg(feature = "gpu")]
+pub(super) struct Standing {
+    pub look: Look,
+    pub views: Arc<Vec<(View, Places)>>,
+    /// The groups without their buffers.
+    pub groups: Vec<Group>,
+    pub context: Context,
+    pub lit: bool,
+    /// The number of renders since the host has had the values of tensors.
+    pub age: u32,
+    /// The sum of the longest moves of vertices since then, divided by typical lengths of edges.
+    pub moved: f32,
+    /// What the device has found in the render.
+    pub reports: Vec<Report>,
+}

@@ -1,0 +1,159 @@
+//! Training steps on a GPU that wait for nothing: the device takes vertices from their tensor, and the host's values are
+//! those of an earlier step.
+
+use burn::tensor::Device;
+use softray::device::{Work, work};
+use softray::prelude::*;
+
+use crate::common::numbers::apart;
+use crate::common::process::alone;
+use crate::common::scenes::{diffuse, floor, lamp};
+use crate::common::tensors::{gradient, leaf, values};
+use crate::device::device;
+
+/// A ball of 1,280 faces that moves, and a scene with a ball of 320 faces that stands.
+struct Bodies {
+    ball: Mesh,
+    scene: Scene,
+    camera: Camera,
+}
+
+/// An image and a gradient.
+type Step = [Vec<f64>; 2];
+
+impl Bodies {
+    fn new(device: &Device) -> Self {
+        let beside = shapes::icosphere(2, device).scaled([0.4; 3]);
+        let scene = Scene::new()
+            .with_object(diffuse(floor(2.0, -0.6, device), [0.5, 0.4, 0.3]))
+            .with_object(lamp(0.5, 2.0, [5.0, 4.0, 3.0], device))
+            .with_object(diffuse(beside.translated([1.0, 0.0, 0.0]), [0.6, 0.5, 0.3]));
+        Self {
+            ball: shapes::icosphere(3, device).scaled([0.5; 3]),
+            scene,
+            camera: Camera::look_at([0.3, 1.0, 4.0], [0.2, 0.0, 0.0]).with_fov_y(40.0),
+        }
+    }
+
+    /// Renders with the ball's vertices moved by `way`. Returns the image, the gradient by the vertices, and the work.
+    fn step(&self, way: f32, options: &RenderOptions) -> Result<(Step, Work), softray::Error> {
+        let vertices = self.ball.vertices.clone().add_scalar(way);
+        let vertices = vertices.autodiff().require_grad();
+        let mut ball = self.ball.clone();
+        ball.vertices = vertices.clone();
+        let ball = diffuse(ball, [0.3, 0.5, 0.6]).with_name("ball");
+        let scene = self.scene.clone().with_object(ball);
+        let before = work();
+        let image = render(&scene, &self.camera, options)?;
+        let gradients = image.radiance.clone().powf_scalar(2.0).sum().backward();
+        let during = work() - before;
+        let by = gradient(&vertices, &gradients);
+        Ok(([values(&image.radiance), by], during))
+    }
+}
+
+fn options(every: u32) -> RenderOptions {
+    let cache = HierarchyCache::new().reading_every(every);
+    let options = RenderOptions::new(16, 16).with_samples(4).with_bounces(1);
+    options.with_cache(&cache)
+}
+
+/// Late steps read nothing back, send little, and have the images and gradients of steps that read.
+#[test]
+fn late_steps_wait_for_nothing() {
+    if !alone(late_steps_wait_for_nothing) {
+        return;
+    }
+    let bodies = Bodies::new(&device());
+    let (late, reading) = (options(3), options(1));
+    // Every third step requests values, which arrive in the next one.
+    for (i, way) in [0.0, 1e-6, 2e-6, 3e-6, 3e-3, 4e-3].into_iter().enumerate() {
+        let seed = 7 + i as u64;
+        let step = |options: &RenderOptions| {
+            let step = bodies.step(way, &options.clone().with_seed(seed));
+            step.expect("an image")
+        };
+        let ([image, by], work) = step(&late);
+        let ([wanted, wanted_by], usual) = step(&reading);
+        let (off, off_by) = (apart(&image, &wanted), apart(&by, &wanted_by));
+        println!("step {i}: image {off:e}, gradient {off_by:e}\n{work:?}\n{usual:?}");
+        assert_eq!(image, wanted, "step {i}");
+        // A step in which values arrive packs them, but does not wait.
+        let late = i % 3 > 0;
+        // Film samples are drawn in the order that the edges had at the last reading.
+        let limit = match late {
+            _ if way > 1e-4 => 0.2,
+            true => 1e-7,
+            false => 3e-7,
+        };
+        assert!(off_by < limit, "step {i}: {off_by:e}");
+        assert_eq!(usual.read_backs, 1);
+        assert_eq!(work.read_backs, u64::from(i == 0), "step {i}");
+        assert!(work.launches <= 27, "step {i}: {work:?}");
+        if late {
+            assert!(
+                work.launches <= 26 && work.uploads <= 2,
+                "step {i}: {work:?}"
+            );
+            assert!(work.uploaded_bytes * 20 < usual.uploaded_bytes, "step {i}");
+        }
+    }
+}
+
+/// A vertex that has moved far, or is not finite, is found in the next step, which reads.
+#[test]
+fn far_moves_and_wrong_vertices_are_found() {
+    if !alone(far_moves_and_wrong_vertices_are_found) {
+        return;
+    }
+    let bodies = Bodies::new(&device());
+    let options = options(100);
+    let reads = |way: f32| {
+        let step = bodies.step(way, &options);
+        step.map(|(_, work)| work.read_backs)
+    };
+    let steps = [(0.0, 1), (1e-3, 0), (0.1, 0), (0.1, 1), (0.101, 0)];
+    for (i, (way, wanted)) in steps.into_iter().enumerate() {
+        assert_eq!(reads(way).expect("an image"), wanted, "step {i}");
+    }
+    assert_eq!(reads(f32::NAN).expect("an image that nothing waits for"), 0);
+    let error = reads(f32::NAN).expect_err("vertices that are not finite");
+    let message = error.to_string();
+    println!("{message}");
+    assert!(
+        message.contains("ball") && message.contains("vertices"),
+        "{message}"
+    );
+    assert_eq!(reads(0.1).expect("an image"), 1);
+}
+
+/// A light that moves is found at once.
+#[test]
+fn a_light_that_moves_is_read() {
+    if !alone(a_light_that_moves_is_read) {
+        return;
+    }
+    let device = device();
+    let mut bodies = Bodies::new(&device);
+    let (late, reading) = (options(100), options(1));
+    let scene = bodies.scene.clone();
+    let tracked = |x: f32| Parameter::Tensor(leaf(&[x, 1.5, 1.0], &device));
+    let constant = |x: f64| Parameter::Constant([x, 1.5, 1.0]);
+    let lights = [
+        (constant(0.0), 1),
+        (constant(0.0), 0),
+        (constant(0.1), 1),
+        (constant(0.1), 0),
+        (tracked(0.1), 1),
+        (tracked(0.2), 1),
+    ];
+    for (i, (place, wanted)) in lights.into_iter().enumerate() {
+        bodies.scene = scene
+            .clone()
+            .with_light(Light::point(place, [1.0, 2.0, 3.0]));
+        let (found, work) = bodies.step(0.0, &late).expect("an image");
+        let (usual, _) = bodies.step(0.0, &reading).expect("an image");
+        assert_eq!(work.read_backs, wanted, "step {i}");
+        assert!(found == usual, "step {i}");
+    }
+}
