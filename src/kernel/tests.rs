@@ -12,7 +12,9 @@ use super::gradient::Wanted;
 use super::scene::KernelScene;
 use crate::accel::LastHierarchy;
 use crate::sampling::EmitterSampling;
-use crate::scene::{ColorTexture, HostScene, Material, Mesh, Object, Scene, shapes};
+#[cfg(feature = "gpu")]
+use crate::scene::shapes;
+use crate::scene::{ColorTexture, HostScene, Material, Mesh, Object, Scene};
 
 /// Textured emitters are chosen by their mean radiance over the triangle. The radiance is (1 − cos 2πu)(1 + v). Two
 /// triangles show different parts of it, and a third emits a constant.
