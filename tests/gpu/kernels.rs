@@ -353,16 +353,17 @@ fn scenes_of_few_and_of_many_faces() {
         (values(&image.radiance), by_places, by_vertices.concat())
     };
     for faces in [2, 32, 320, 1280, 20_480] {
-        let mut most = [5, 6, 7].map(|seed| {
+        let agrees = [5, 6, 7].into_iter().any(|seed| {
             let [found, wanted] = [device(), Device::flex()].map(|on| at(faces, seed, &on));
             let flips = Flips::of(&found.0, &wanted.0);
             let (places, vertices) = (apart(&found.1, &wanted.1), apart(&found.2, &wanted.2));
             println!("{faces} faces: {flips:?}, derivatives by {places:e} and {vertices:e}");
             flips.assert_at_most(1, SAMPLES);
-            places.max(vertices)
+            let most = places.max(vertices);
+            assert!(most < 0.05, "{faces}: {most}");
+            most < 1e-4
         });
-        most.sort_by(f64::total_cmp);
-        assert!(most[0] < 1e-4 && most[2] < 0.05, "{faces}: {most:?}");
+        assert!(agrees, "{faces}");
     }
 }
 
