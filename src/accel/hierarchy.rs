@@ -106,6 +106,12 @@ impl Hierarchy {
         false
     }
 
+    /// Whether it contains all triangles.
+    #[cfg(feature = "gpu")]
+    pub fn is_complete(&self) -> bool {
+        self.complete
+    }
+
     /// Returns the shape of the tree that GPUs traverse. It has no nodes if there are few triangles.
     #[cfg(feature = "gpu")]
     pub(crate) fn for_gpu(&self) -> Arc<GpuTree> {

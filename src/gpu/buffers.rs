@@ -1,6 +1,7 @@
 //! The lists of scenes in two buffers, one of floats and one of words, which stay on the device from render to
 //! render. Only blocks that have changed since the last render are sent.
 
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::accel::Parts;
@@ -47,9 +48,17 @@ impl Made {
     }
 }
 
+/// Returns a number that no buffers have.
+fn next_number() -> u64 {
+    static LAST: AtomicU64 = AtomicU64::new(0);
+    1 + LAST.fetch_add(1, Ordering::Relaxed)
+}
+
 /// The buffers of floats and of words, on the host and on a device.
 #[derive(Default)]
 pub(crate) struct Buffers {
+    /// Distinguishes them from the buffers of other renders.
+    number: u64,
     floats: Buffer,
     words: Buffer,
     made: Made,
@@ -96,6 +105,7 @@ impl Buffers {
             ranges.for_each(|range| of_floats.words[range].fill(u32::MAX));
         }
         Self {
+            number: next_number(),
             floats: floats.fill(&[], of_floats),
             words: words.fill(head, of_words),
             made,
@@ -107,19 +117,25 @@ impl Buffers {
         }
     }
 
-    /// Returns the buffers of the last render, or `None` if they are not on the device. The device places tensors into
-    /// them, and replaces lists that begin at given places among the words.
+    pub fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// Returns these buffers of the render of this number again, or `None` if they are not, or not on the device. The device
+    /// places tensors into them, and replaces lists that begin at given places among the words.
     pub fn again(
         mut self,
+        number: u64,
         row: &Row,
         views: &[ViewPlaces],
         others: &[(u32, &[u32])],
     ) -> Option<Self> {
         let sent = self.sent.get_mut();
         let sent = sent.unwrap_or_else(PoisonError::into_inner);
-        if !std::mem::take(&mut sent.current) {
+        if !std::mem::take(&mut sent.current) || self.number != number {
             return None;
         }
+        self.number = next_number();
         sent.streams.clear();
         for buffer in [&mut self.floats, &mut self.words] {
             buffer.changed.clear();

@@ -152,11 +152,19 @@ pub(super) fn floats(tensor: FloatTensor<Cube>) -> (Client, List) {
 /// Returns an identifier of a tensor's memory, or `None` on other devices. It is valid while the tensor is kept,
 /// because burn then does not write to this memory.
 pub(crate) fn identity(tensor: &Tensor<1>) -> Option<Identity> {
+    identity_and_strides(tensor).map(|both| both.0)
+}
+
+/// Returns an identifier of a tensor's memory as [`identity`] does, and the steps in it along each axis.
+pub(crate) fn identity_and_strides<const D: usize>(
+    tensor: &Tensor<D>,
+) -> Option<(Identity, Vec<usize>)> {
     let tensor = tensor.clone().try_into_primitive::<Cube>().ok()?;
+    let strides = tensor.meta.strides().to_vec();
     let (_, List { handle, length }) = floats(tensor);
     let memory = std::ptr::from_ref(handle.memory.descriptor()).addr();
     let place = handle.offset_start.unwrap_or(0);
-    Some([memory as u64, place, length as u64])
+    Some(([memory as u64, place, length as u64], strides))
 }
 
 /// Creates a tensor of zeros, and returns it with the list of its values, which a kernel changes. CUDA would leave gaps

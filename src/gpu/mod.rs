@@ -49,7 +49,7 @@ mod walk;
 
 pub(crate) use buffers::LastBuffers;
 pub(crate) use counts::counts_of;
-pub(crate) use device::identity;
+pub(crate) use device::{identity, identity_and_strides};
 pub(crate) use directions::derivatives_of;
 pub(crate) use form::check;
 pub(crate) use job::{Job, Outputs};

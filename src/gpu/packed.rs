@@ -30,6 +30,8 @@ const OF_GROUP: usize = 1 << 24;
 /// A group of views that kernels trace together, in buffers.
 pub(crate) struct Packed {
     pub buffers: Arc<Buffers>,
+    /// The number of these buffers, also of a group without them.
+    number: u64,
     pub views: usize,
     pub features: Features,
     pub derivatives: Derivatives,
@@ -134,14 +136,15 @@ impl Packed {
     }
 
     /// Returns the group in the buffers of the last render, for views that differ only in their random numbers and in
-    /// tensors of a row, which the device places. Returns `None` if the buffers are no longer on the device.
+    /// tensors of a row, which the device places. Returns `None` if these are not its buffers, or not on the device.
     pub fn again(&self, views: &[ViewPlaces], row: &Row, last: Buffers) -> Option<Self> {
         let seeds: Vec<&[u32]> = views.iter().map(|v| v.0.lists().seeds).collect();
         let headers = last.header().chunks(HEADER);
         let places = headers.map(|header| header[HeaderWord::seeds as usize]);
         let seeds: Vec<(u32, &[u32])> = places.zip(seeds).collect();
-        let buffers = last.again(row, views, &seeds)?;
+        let buffers = last.again(self.number, row, views, &seeds)?;
         Some(Self {
+            number: buffers.number(),
             buffers: Arc::new(buffers),
             ..self.without_buffers()
         })
@@ -219,6 +222,7 @@ impl Packed {
         made.table = words.place(&table, true);
         let buffers = Buffers::new(floats, words, headers.as_flattened(), made, last);
         Self {
+            number: buffers.number(),
             buffers: Arc::new(buffers),
             views: views.len(),
             features,

@@ -2,10 +2,9 @@
 //! The host gets to know later how far vertices have moved, and their values on request.
 
 use std::collections::HashSet;
-use std::future::ready;
+use std::future::poll_fn;
 use std::ops::Range;
 use std::pin::Pin;
-use std::sync::Arc;
 use std::task::{Context, Poll, Waker};
 
 use burn::backend::Cube;
@@ -126,7 +125,7 @@ impl Placing {
         };
         let mut known = HashSet::new();
         for (&(view, places, _), header) in views.iter().zip(header.chunks(HEADER)) {
-            if known.insert(Arc::as_ptr(&view.scene)) {
+            if known.insert(header[HeaderWord::vertices as usize]) {
                 for (id, range) in places {
                     this.add(&view.scene, *id, [range.start, range.len()], header);
                 }
@@ -197,13 +196,21 @@ impl Placing {
             handles.push(self.row.list.handle.clone());
         }
         let client = client.clone();
-        let mut reading: Reading = Box::pin(async move { client.read_async(handles).await.ok() });
-        // The device begins to copy, and nothing waits.
-        let begun = &mut Context::from_waker(Waker::noop());
-        match reading.as_mut().poll(begun) {
-            Poll::Ready(found) => Report(Some(Box::pin(ready(found)))),
-            Poll::Pending => Report(Some(reading)),
-        }
+        let mut reading: Reading = Box::pin(async move {
+            // This queues the copies. To poll their future waits for them on CUDA.
+            let copies = client.read_async(handles);
+            let mut queued = false;
+            let polled_again = |_: &mut Context| match std::mem::replace(&mut queued, true) {
+                true => Poll::Ready(()),
+                false => Poll::Pending,
+            };
+            poll_fn(polled_again).await;
+            copies.await.ok()
+        });
+        let begun = reading.as_mut();
+        let begun = begun.poll(&mut Context::from_waker(Waker::noop()));
+        debug_assert!(begun.is_pending());
+        Report(Some(reading))
     }
 }
 

@@ -71,17 +71,23 @@ impl HierarchyCache {
     /// In the other renders the device takes vertices, normals and tangents from their tensors, and computes triangles,
     /// boxes, edges and their bounds from them. The host reuses what it has prepared: which edges meshes have, the shapes
     /// of trees, and how many samples an edge on the film has. Images are those of renders that read. Gradients differ by
-    /// noise, since edges are drawn in another order, and they miss edges of faces that were in one plane.
+    /// noise, since edges are drawn in another order. They miss edges between faces that were in one plane, or had no area,
+    /// at the last reading.
     ///
     /// A render reads and waits, as without this setting, unless
+    /// - it is made by [`render`](crate::render::render) or [`render_batch`](crate::render::render_batch) on a GPU of this
+    ///   machine, in f32, and by the thread of the render before it,
     /// - the render before it had the same options except the seed, and the same scenes and cameras except the values of
     ///   tracked vertices, normals and tangents,
-    /// - no other tensors are tracked,
+    /// - the graph of the render before it was dropped, and its backward pass has not failed,
+    /// - no other tensors are tracked, and meshes with normal maps have tangents,
     /// - objects with tracked vertices do not emit light, and intersected no other object at the last reading,
-    /// - no vertex has moved by more than a quarter of a typical edge of its object since the last reading.
+    /// - no vertex has moved by more than a quarter of a typical edge of its object since the last reading,
+    /// - sampling is not adaptive, and diagnostics are off.
     ///
-    /// How far vertices have moved is known one render later, so a render after a far move reads. A vertex that is not
-    /// finite is an error in the next render that has such a vertex.
+    /// How far vertices have moved is known one render later, so a render after a far move reads. Values that are not
+    /// finite are an error in the next render that has such values; other mistakes in tracked values (normals of length 0) are
+    /// found at the next reading. Renders on servers ignore this setting.
     ///
     /// ```
     /// use softray::prelude::*;

@@ -11,11 +11,11 @@ use super::cache::HierarchyCache;
 use super::options::RenderOptions;
 use super::standing::{Group, Look, Places, Standing};
 use crate::geometry::{Context, detached};
-use crate::gpu::{Row, identity};
+use crate::gpu::{Row, identity_and_strides};
 use crate::kernel::View;
 use crate::scene::{
-    Camera, Detach, Object, Parameter, ParameterId, Value, Visit, look_at_scene, visit_camera,
-    visit_scene,
+    Camera, Detach, Object, Parameter, ParameterId, Projection, Value, Visit, look_at_scene,
+    visit_camera, visit_scene,
 };
 
 /// The largest move of a vertex since the host has had its value, divided by a typical length of edges.
@@ -50,20 +50,21 @@ impl Late {
         let (Some(look), Some(mut last)) = (&this.look, last) else {
             return this;
         };
-        let mut moved = 0.0f32;
+        let (mut moved, mut values) = (0.0f32, None);
         for report in std::mem::take(&mut last.reports) {
             let Some(found) = report.read().filter(|found| found.moved.is_finite()) else {
                 return this;
             };
             moved = moved.max(found.moved);
-            this.values = found.values.or(this.values);
+            values = found.values.or(values);
         }
         moved += last.moved;
-        if *look != last.look || moved > FAR {
-            this.values = None;
-        } else if this.values.is_none() {
-            (this.age, this.moved) = (last.age + 1, moved);
-            this.standing = Some(last);
+        if *look == last.look && moved <= FAR {
+            this.values = values;
+            if this.values.is_none() {
+                (this.age, this.moved) = (last.age + 1, moved);
+                this.standing = Some(last);
+            }
         }
         this
     }
@@ -90,11 +91,14 @@ impl Late {
         groups: &[Group],
         (context, lit): (&Context, bool),
     ) {
-        let crosses = |(view, _): &(View, Places)| {
+        let crosses = |view: &View| {
             let sets = view.edge_sets.as_ref();
             sets.is_some_and(|sets| sets.crossings_move(&view.scene, &view.wanted))
         };
-        let Some(look) = self.look.filter(|_| !views.iter().any(crosses)) else {
+        // Copies of triangles that are not in the tree may move apart.
+        let serves = |view: &View| view.scene.hierarchy.is_complete() && !crosses(view);
+        let serve = views.iter().all(|(view, _)| serves(view));
+        let Some(look) = self.look.filter(|_| serve) else {
             return;
         };
         let reports = groups
@@ -146,7 +150,9 @@ impl Look {
         }
         for (scene, camera) in &batch.views {
             scene.hash(&mut hash.state);
-            format!("{camera:?}").hash(&mut hash.state);
+            if let Projection::Intrinsics { size, .. } = &camera.projection {
+                size.hash(&mut hash.state);
+            }
             visit_camera(&mut camera.clone(), &mut hash);
         }
         let mut scenes = batch.scenes.clone();
@@ -155,12 +161,14 @@ impl Look {
         cameras
             .iter_mut()
             .for_each(|c| visit_camera(c, &mut Detach));
+        let vertices = batch.vertices.iter().map(|v| detached(&v.1));
         hash.is_right.then(|| Self {
             hash: hash.state.finish(),
             faces: hash.faces,
             indices: hash.indices,
             _scenes: scenes,
             _cameras: cameras,
+            _vertices: vertices.collect(),
         })
     }
 }
@@ -203,8 +211,7 @@ impl Hash64 {
     }
 
     fn add_constant<const D: usize>(&mut self, tensor: &Tensor<D>) {
-        let count: usize = tensor.dims().iter().product();
-        let identity = identity(&detached(tensor).reshape([count]));
+        let identity = identity_and_strides(&detached(tensor));
         self.is_right &= !tensor.is_tracked() && identity.is_some();
         identity.hash(&mut self.state);
     }

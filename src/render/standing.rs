@@ -5,6 +5,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 #[cfg(feature = "gpu")]
+use burn::tensor::Tensor;
+
+#[cfg(feature = "gpu")]
 use crate::geometry::Context;
 #[cfg(feature = "gpu")]
 use crate::gpu::{Packed, Report};
@@ -35,9 +38,10 @@ pub(super) struct Look {
     pub hash: u64,
     pub faces: Vec<Arc<Vec<[u32; 3]>>>,
     pub indices: Vec<Arc<Vec<u32>>>,
-    /// The scenes and cameras without graph, which keep these places from being taken by other tensors.
+    /// The tensors without graph, which keep these places from being taken by others.
     pub _scenes: Vec<Scene>,
     pub _cameras: Vec<Camera>,
+    pub _vertices: Vec<Tensor<3>>,
 }
 
 #[cfg(feature = "gpu")]

@@ -1,7 +1,7 @@
 //! Training steps on a GPU that wait for nothing: the device takes vertices from their tensor, and the host's values are
 //! those of an earlier step.
 
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor};
 use softray::device::{Work, work};
 use softray::prelude::*;
 
@@ -125,6 +125,45 @@ fn far_moves_and_wrong_vertices_are_found() {
         "{message}"
     );
     assert_eq!(reads(0.1).expect("an image"), 1);
+}
+
+/// Constants that are tensors are told apart by their memory, also a camera's and those that are not contiguous.
+#[test]
+fn other_constants_are_read() {
+    if !alone(other_constants_are_read) {
+        return;
+    }
+    let device = device();
+    let mut bodies = Bodies::new(&device);
+    let (late, reading) = (options(100), options(1));
+    let scene = bodies.scene.clone();
+    let texels = |red: f32| {
+        let planes = [[red; 16], [0.4; 16], [0.3; 16]].concat();
+        let planes = Tensor::<1>::from_floats(planes.as_slice(), &device);
+        ColorTexture::texture(planes.reshape([3, 4, 4]).permute([1, 2, 0]))
+    };
+    let eye = |x: f32| Parameter::Tensor(Tensor::from_floats([x, 1.0, 4.0], &device));
+    let wall = Object::new(floor(1.0, -0.5, &device));
+    let (dark, bright, left, right) = (texels(0.2), texels(0.8), eye(0.3), eye(0.4));
+    let steps = [
+        (&dark, &left, 1),
+        (&dark, &left, 0),
+        (&bright, &left, 1),
+        (&bright, &left, 0),
+        (&bright, &right, 1),
+        (&bright, &right, 0),
+    ];
+    for (i, (texels, eye, wanted)) in steps.into_iter().enumerate() {
+        let textured = wall
+            .clone()
+            .with_material(Material::diffuse(texels.clone()));
+        bodies.scene = scene.clone().with_object(textured);
+        bodies.camera.eye = eye.clone();
+        let (found, work) = bodies.step(1e-6 * i as f32, &late).expect("an image");
+        let (usual, _) = bodies.step(1e-6 * i as f32, &reading).expect("an image");
+        assert_eq!(work.read_backs, wanted, "step {i}");
+        assert_eq!(found[0], usual[0], "step {i}");
+    }
 }
 
 /// A light that moves is found at once.
