@@ -47,17 +47,14 @@ fn main() {
     let adapter = adapter(&device);
     let large = if arguments.quick { (64, 2) } else { (512, 64) };
     let small = (64, if arguments.quick { 2 } else { 8 });
+    let two = [81_920, 81_920];
     let mut steps = vec![
         Step::new("one small view", 1, [1_280, 0], small),
         Step::new("one small view, many faces", 1, [81_920, 0], small),
         Step::new("one large view", 1, [1_280, 0], large),
         Step::new("one large view, many faces", 1, [81_920, 0], large),
-        Step::new(
-            "a moved mesh in a scene that stands",
-            1,
-            [81_920, 81_920],
-            small,
-        ),
+        Step::new("a moved mesh beside one that stands", 1, two, small),
+        Step::new("the same, late", 1, two, small).late(),
         Step::new("colors alone", 1, [0, 81_920], small),
     ];
     for scenes in [16, 64] {
