@@ -9,6 +9,7 @@ mod device;
 mod backend;
 mod batch;
 mod compiled;
+mod faces;
 mod forward;
 mod kernels;
 mod late;
