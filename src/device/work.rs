@@ -21,8 +21,9 @@ pub struct Work {
     pub uploads: u64,
     /// The total size of the uploads in bytes.
     pub uploaded_bytes: u64,
-    /// The number of read-backs of tensors that something waits for. A render by GPU kernels adds at most one, for all its scenes and cameras
-    /// together, and its backward pass adds none. Adaptive sampling and requested statistics or diagnostics add more.
+    /// The number of read-backs of tensors that something waits for. A render by GPU kernels adds at most one, for all
+    /// its scenes and cameras together, and its backward pass adds none. Adaptive sampling and requested statistics or
+    /// diagnostics add more.
     pub read_backs: u64,
     /// The total size of these tensors in bytes.
     pub read_bytes: u64,

@@ -4,10 +4,11 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::accel::Parts;
-use crate::cube::*;
 use burn::backend::StreamId;
 use burn::tensor::Device;
+
+use crate::accel::Parts;
+use crate::cube::*;
 
 use super::device::{List, launch};
 use super::made::make_lists;
@@ -121,8 +122,8 @@ impl Buffers {
         self.number
     }
 
-    /// Returns these buffers of the render of this number again, or `None` if they are not, or not on the device. The device
-    /// places tensors into them, and replaces lists that begin at given places among the words.
+    /// Returns the buffers again, or `None` if they have another number or are not on the device. The device places
+    /// tensors into them, and replaces lists that begin at given places among the words.
     pub fn again(
         mut self,
         number: u64,

@@ -11,8 +11,8 @@ pub(crate) const CELL: u32 = 8;
 /// Weight of the pixels of neighboring cells, relative to a cell's own.
 pub(crate) const NEIGHBORS: f32 = 0.1;
 
-/// Offset of cells from pixels, so that rounding does not move points of symmetric scenes to other cells.
-const OFFSET: f32 = 0.137;
+/// Offset of grids on films from pixels, so that rounding does not move points of symmetric scenes to other cells.
+pub(crate) const OFFSET: f32 = 0.137;
 
 /// Returns the index of the cell around a film point. Cells are numbered row by row.
 #[cfg_attr(feature = "gpu", cube)]

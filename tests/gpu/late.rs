@@ -100,6 +100,33 @@ fn late_steps_wait_for_nothing() {
     }
 }
 
+/// After a move, edges on the film are drawn in the order of the last reading: gradients by the ball's place have other
+/// noise, and the same mean within four standard errors.
+#[test]
+fn gradients_after_a_move_have_the_same_mean() {
+    const SEEDS: u64 = 24;
+    let bodies = Bodies::new(&device());
+    let (late, reading) = (options(1000), options(1));
+    bodies.step(0.0, &late).expect("an image");
+    let by_place = |options: &RenderOptions, seed: u64| {
+        let step = bodies.step(4e-3, &options.clone().with_seed(seed));
+        let ([_, by], _) = step.expect("an image");
+        [0, 1, 2].map(|axis| by.iter().skip(axis).step_by(3).sum::<f64>())
+    };
+    let pairs: Vec<_> = (0..SEEDS)
+        .map(|seed| (by_place(&late, seed), by_place(&reading, seed)))
+        .collect();
+    for axis in 0..3 {
+        let differences = pairs.iter().map(|(late, usual)| late[axis] - usual[axis]);
+        let mean = differences.clone().sum::<f64>() / SEEDS as f64;
+        let squares = differences.map(|d| (d - mean).powi(2)).sum::<f64>();
+        let error = (squares / (SEEDS * (SEEDS - 1)) as f64).sqrt();
+        let usual = pairs.iter().map(|pair| pair.1[axis]).sum::<f64>() / SEEDS as f64;
+        println!("axis {axis}: {usual:.4}, late steps {mean:.4} ± {error:.4} more");
+        assert!(error > 0.0 && mean.abs() < 4.0 * error, "axis {axis}");
+    }
+}
+
 /// A vertex that has moved far, or is not finite, is found in the next step, which reads.
 #[test]
 fn far_moves_and_wrong_vertices_are_found() {

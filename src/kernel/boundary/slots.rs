@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::kernel::view::View;
+use crate::model::film::OFFSET;
 use crate::model::integers::morton;
 use crate::trace::{FilmLine, FilmPiece, OF_SLOT, PIECES, film_line};
 
@@ -21,8 +22,8 @@ pub(crate) type Slot = [u32; OF_SLOT];
 /// Returns the place of a piece along a Z-order curve on the film, in quarters of pixels, with creases after
 /// silhouettes.
 fn place(piece: &FilmPiece, line: &FilmLine) -> u64 {
-    // Film coordinates start at −2¹⁷. Points of symmetric scenes are not between two quarters.
-    let quarter = |v: f32| (4.0 * (v + 0.137) + 524_288.0).clamp(0.0, 1_048_575.0) as u32;
+    // Film coordinates start at −2¹⁷.
+    let quarter = |v: f32| (4.0 * (v + OFFSET) + 524_288.0).clamp(0.0, 1_048_575.0) as u32;
     let (x, y) = (quarter(piece.middle.x), quarter(piece.middle.y));
     u64::from(morton(x, y)) | (u64::from(line.jump < 1.0) << 63)
 }
