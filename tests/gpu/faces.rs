@@ -58,7 +58,7 @@ fn scenes_of_few_and_of_many_faces() {
         (values(&image.radiance), by_places, by_vertices.concat())
     };
     for faces in [2, 32, 320, 1280, 20_480] {
-        let agrees = [5, 6, 7].into_iter().any(|seed| {
+        let mut agreeing = [5, 6, 7].into_iter().filter(|&seed| {
             let [found, wanted] = [device(), Device::flex()].map(|on| at(faces, seed, &on));
             let flips = Flips::of(&found.0, &wanted.0);
             let (places, vertices) = (apart(&found.1, &wanted.1), apart(&found.2, &wanted.2));
@@ -68,6 +68,11 @@ fn scenes_of_few_and_of_many_faces() {
             assert!(most < 0.05, "{faces}: {most}");
             most < 1e-4
         });
+        // The long tier prints all seeds.
+        let agrees = match crate::common::long() {
+            true => agreeing.count() > 0,
+            false => agreeing.next().is_some(),
+        };
         assert!(agrees, "{faces}");
     }
 }
