@@ -13,7 +13,7 @@ use crate::cube::*;
 use super::device::{List, launch};
 use super::made::make_lists;
 use super::nodes::make_nodes;
-use super::placed::{Placing, Report, Row, ViewPlaces};
+use super::placed::{Placing, Reading, Row, ViewPlaces};
 use super::plan::{BLOCK, Buffer, Plan};
 
 /// Maximum number of blocks in one transfer: 64 MiB.
@@ -76,8 +76,8 @@ struct Sent {
     current: bool,
     /// The streams whose launches read the lists.
     streams: Vec<StreamId>,
-    /// What the device has found when it placed tensors.
-    report: Option<Report>,
+    /// The longest move of a vertex ([`Placing::place`]).
+    moved: Option<Reading>,
 }
 
 impl Buffers {
@@ -158,10 +158,10 @@ impl Buffers {
         self.placing = Placing::new(row, views, self.header(), Vec::new());
     }
 
-    /// Takes what the device has found when it placed tensors.
-    pub fn report(&self) -> Option<Report> {
+    /// Takes the longest move of a vertex when the device placed tensors.
+    pub fn moved(&self) -> Option<Reading> {
         let mut sent = self.sent.lock().unwrap_or_else(PoisonError::into_inner);
-        sent.report.take()
+        sent.moved.take()
     }
 
     /// Returns the words: the headers of views, then the lists.
@@ -188,7 +188,7 @@ impl Buffers {
         });
         let lists = lists.clone();
         if !sent.current {
-            sent.report = self.write(client, &lists);
+            sent.moved = self.write(client, &lists);
             sent.current = true;
         }
         lists
@@ -207,7 +207,7 @@ impl Buffers {
 
     /// Sends the blocks that have changed since the last render, places tensors, and remakes the lists that depend on
     /// both.
-    fn write(&self, client: &Client, [floats, words, _]: &[List; 3]) -> Option<Report> {
+    fn write(&self, client: &Client, [floats, words, _]: &[List; 3]) -> Option<Reading> {
         let both = [&self.floats, &self.words];
         let numbers = both.map(|b| &b.changed[..]).concat();
         // Each part fits into one list on any device.
@@ -228,9 +228,9 @@ impl Buffers {
             );
         }
         let placing = self.placing.as_ref();
-        let report = placing.map(|placing| placing.place(client, floats, words));
+        let moved = placing.map(|placing| placing.place(client, floats, words));
         let made = &self.made;
-        if made.threads > 0 && (report.is_some() || both.iter().any(|b| b.shapes)) {
+        if made.threads > 0 && (moved.is_some() || both.iter().any(|b| b.shapes)) {
             launch!(
                 client,
                 made.threads as usize,
@@ -261,7 +261,7 @@ impl Buffers {
                 );
             }
         }
-        report
+        moved
     }
 }
 

@@ -12,7 +12,7 @@ use super::form::Form;
 use super::job::Job;
 use super::launch_backward::{Pass, films_of};
 use super::placed::ViewPlaces;
-use super::sums::sum_at;
+use super::sums::Replicas;
 use crate::device::label;
 use crate::error::{Error, Result};
 use crate::trace::SumTangents;
@@ -20,7 +20,8 @@ use crate::trace::SumTangents;
 /// Writes the derivatives `[K, P, C]` of pixels from their sums, one thread per derivative.
 #[cube(launch)]
 fn write_derivatives(
-    sums: &[u32],
+    sums: &mut [u32],
+    replicas: Replicas,
     scales: &[f32],
     derivatives: &mut [f32],
     parts: u32,
@@ -32,7 +33,7 @@ fn write_derivatives(
         let row = ABSOLUTE_POS as u32 / channels;
         let part = ABSOLUTE_POS as u32 % channels * directions + row / pixels;
         let at = part * pixels + row % pixels;
-        derivatives[ABSOLUTE_POS] = sum_at(sums, scales, at, part);
+        derivatives[ABSOLUTE_POS] = replicas.number(sums, scales, at, part);
     }
 }
 
@@ -73,6 +74,7 @@ impl DirectionsBackend for Cube {
             derivatives.length,
             write_derivatives(
                 &pass.sums,
+                form.as_argument(),
                 &pass.scales,
                 &derivatives,
                 form.parts as u32,

@@ -4,7 +4,7 @@ use burn::tensor::Device;
 
 use super::device::{List, has_room};
 use super::job::Job;
-use super::sums::{AddingLaunch, typical};
+use super::sums::{AddingLaunch, ReplicasLaunch, typical};
 use crate::device::label;
 use crate::error::{Error, Result};
 use crate::trace::{Derivatives, MEASURE, PARTS};
@@ -68,12 +68,16 @@ impl Form {
         scales
     }
 
+    /// Returns the replicas as an argument of kernels.
+    pub fn as_argument(self) -> ReplicasLaunch {
+        ReplicasLaunch::new(self.replicas() as u32, self.count as u32)
+    }
+
     /// Returns the sums, in a list, as an argument of kernels.
     pub fn adding(self, to: &List, of: Derivatives) -> AddingLaunch {
         AddingLaunch::new(
             to.argument(),
-            self.replicas() as u32,
-            self.count as u32,
+            self.as_argument(),
             self.parts as u32,
             self.directions as u32,
             self.pixels as u32,

@@ -6,7 +6,7 @@ use crate::cube::*;
 
 use super::job::Views;
 use super::placed::{TensorPlaces, ViewPlaces};
-use super::sums::{Places, sum_at};
+use super::sums::{Places, Replicas};
 use crate::kernel::{Rows, View};
 use crate::model::{V3, component, splat, v3};
 use crate::scene::ParameterId;
@@ -115,7 +115,13 @@ impl Table {
 
 /// Returns the part of a vertex's derivative that comes from the normals and areas of its triangles.
 #[cube]
-fn of_triangles(scene: &Scene, sums: &[u32], scales: &[f32], vertex: u32) -> V3 {
+fn of_triangles(
+    scene: &Scene,
+    sums: &mut [u32],
+    replicas: &Replicas,
+    scales: &[f32],
+    vertex: u32,
+) -> V3 {
     let mut by = splat(0.0);
     let first = scene.vertex_starts[vertex as usize];
     let past = scene.vertex_starts[vertex as usize + 1];
@@ -124,12 +130,12 @@ fn of_triangles(scene: &Scene, sums: &[u32], scales: &[f32], vertex: u32) -> V3 
         let k = corner / 3;
         let normals = scene.first_sums[comptime!(TRIANGLES as usize)] + 3 * k;
         let by_normal = v3(
-            sum_at(sums, scales, normals, TRIANGLES),
-            sum_at(sums, scales, normals + 1, TRIANGLES),
-            sum_at(sums, scales, normals + 2, TRIANGLES),
+            replicas.number(sums, scales, normals, TRIANGLES),
+            replicas.number(sums, scales, normals + 1, TRIANGLES),
+            replicas.number(sums, scales, normals + 2, TRIANGLES),
         );
         let areas = scene.first_sums[comptime!(AREAS as usize)] + k;
-        let by_area = sum_at(sums, scales, areas, AREAS);
+        let by_area = replicas.number(sums, scales, areas, AREAS);
         let triangle = scene.triangle(k);
         let nothing = by_normal.is_zero() && by_area == 0.0;
         if triangle.area > 0.0 && !nothing {
@@ -151,7 +157,8 @@ fn of_triangles(scene: &Scene, sums: &[u32], scales: &[f32], vertex: u32) -> V3 
 #[cube(launch)]
 pub(super) fn write_gradient(
     views: Views,
-    sums: &[u32],
+    sums: &mut [u32],
+    replicas: Replicas,
     scales: &[f32],
     table: &[u32],
     factors: &[f32],
@@ -182,18 +189,24 @@ pub(super) fn write_gradient(
         let mut value = 0.0f32;
         if kind == MATRIX {
             for k in 0..of_sums {
-                let by = sum_at(sums, scales, first + k, part);
+                let by = replicas.number(sums, scales, first + k, part);
                 value += factors[(factor + i * of_sums + k) as usize] * by;
             }
         } else {
             let column = i % own;
             let from = i / own;
             if column < of_sums {
-                value = sum_at(sums, scales, first + from * of_sums + column, part);
+                value = replicas.number(sums, scales, first + from * of_sums + column, part);
             }
             if kind == OF_VERTICES {
                 let vertices = scene.first_sums[comptime!(VERTICES as usize)];
-                let more = of_triangles(&scene, sums, scales, (first - vertices) / 3 + from);
+                let more = of_triangles(
+                    &scene,
+                    sums,
+                    &replicas,
+                    scales,
+                    (first - vertices) / 3 + from,
+                );
                 value += component(more, column);
             }
             value *= factors[factor as usize];

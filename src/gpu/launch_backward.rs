@@ -15,7 +15,7 @@ use super::loss::LossLaunch;
 use super::passes::{add_jumps, go_back, keep_paths};
 use super::placed::ViewPlaces;
 use super::records::{JUMPED, RECORD};
-use super::searches::{add_before, blocks_of, count_searches, in_order, words_of_order};
+use super::searches::{add_before, blocks_of, in_order, words_of_order};
 use super::sums::{AddingLaunch, MORE, add_replicas, bits_of_each, choose_scales};
 use crate::device::{self, label};
 use crate::model::film::CELL;
@@ -127,7 +127,7 @@ impl<'a> Pass<'a> {
     ) -> Self {
         let of_path = of_path(job, form);
         let at_once = (RECORDS / of_path).clamp(1, job.count() * job.samples as usize);
-        let order = words_of_order(at_once * points(job));
+        let order = words_of_order(points_of(job, at_once));
         let bits = bits_of_each(most_derivatives(job, form, films, at_once) as u64);
         let [table, scales, sizes, first, second] = List::send(
             &client,
@@ -169,14 +169,17 @@ impl<'a> Pass<'a> {
         while let Some(piece) = pieces.next() {
             self.add_paths(piece, &self.sums);
             self.count_searches(piece);
-            // The replicas of the last piece are added together with the first film samples.
-            if pieces.peek().is_some() || samples == 0 {
+            if pieces.peek().is_some() {
                 self.fold();
             }
         }
+        // The last piece and the first film samples add to the same replicas, and the last replicas are added where sums
+        // become numbers.
         for first in (0..samples).step_by(PATHS) {
+            if first > 0 {
+                self.fold();
+            }
             self.add_film([first, (samples - first).min(PATHS), 0], &self.sums);
-            self.fold();
         }
     }
 
@@ -189,6 +192,7 @@ impl<'a> Pass<'a> {
             write_gradient(
                 self.job.views(client, &self.scene, Features::default()),
                 &self.sums,
+                self.form.as_argument(),
                 &self.scales,
                 words,
                 factors,
@@ -234,11 +238,10 @@ impl<'a> Pass<'a> {
     /// Adds the replicas of a launch to the sums of all launches.
     fn fold(&self) {
         let form = self.form;
-        let (replicas, numbers) = (form.replicas() as u32, form.count as u32);
         launch!(
             &self.client,
             form.count,
-            add_replicas(&self.sums, replicas, numbers)
+            add_replicas(&self.sums, form.as_argument())
         );
     }
 
@@ -262,19 +265,15 @@ impl<'a> Pass<'a> {
         let threads = piece.threads() as usize;
         let paths = || self.job.paths(&self.client, &self.scene, piece);
         let loss = || self.loss(1.0 / self.job.samples as f32);
+        let jumps = self.job.views.derivatives.jumps;
         launch!(
             &self.client,
             threads,
-            keep_paths(paths(), loss(), &self.records)
+            keep_paths(paths(), loss(), &self.records, jumps)
         );
-        if self.job.views.derivatives.jumps {
-            let points = threads * points(self.job);
+        if jumps {
+            let points = points_of(self.job, threads);
             let first = (of_path(self.job, self.form) * threads) as u32;
-            launch!(
-                &self.client,
-                points,
-                count_searches(paths(), loss(), &self.records, points as u32)
-            );
             launch!(
                 &self.client,
                 blocks_of(points) * GROUP as usize,
@@ -290,14 +289,7 @@ impl<'a> Pass<'a> {
                 launch!(
                     &self.client,
                     points,
-                    add_jumps(
-                        paths(),
-                        loss(),
-                        &self.records,
-                        adding,
-                        points as u32,
-                        of_light
-                    )
+                    add_jumps(paths(), loss(), &self.records, adding, of_light)
                 );
             }
         }
@@ -316,7 +308,7 @@ impl<'a> Pass<'a> {
             return;
         }
         let threads = piece.threads() as usize;
-        let (records, points) = (of_path(job, self.form) * threads, threads * points(job));
+        let (records, points) = (of_path(job, self.form) * threads, points_of(job, threads));
         let past = records + words_of_order(points);
         let handle = self.records.handle.clone().offset_start(4 * records as u64);
         let handle = handle.offset_end(4 * (self.records.length - past) as u64);
@@ -353,6 +345,11 @@ impl<'a> Pass<'a> {
 /// Returns the maximum number of points of a path.
 fn points(job: &Job) -> usize {
     job.views.buffers.header()[BOUNCES] as usize + 1
+}
+
+/// Returns the number of points of so many paths in the order of points.
+fn points_of(job: &Job, paths: usize) -> usize {
+    paths.next_multiple_of(GROUP as usize) * points(job)
 }
 
 /// Returns the number of words of a path's records.

@@ -12,7 +12,7 @@ use super::jumps::{jumps_seen_from, searches_of};
 use super::loss::Loss;
 use super::path::path_light;
 use super::records::{OF_TRIANGLE, Room};
-use super::searches::Order;
+use super::searches::{Order, count_searches};
 use super::sums::{Adding, of_channel};
 use super::walk::Start;
 use crate::model::numbers::is_nonzero;
@@ -26,31 +26,34 @@ fn room_of(thread: u32, threads: u32, bounces: u32, #[comptime] forward: bool) -
 }
 
 /// Traces the paths of a piece and stores their records. All paths of one sample come before the paths of the next
-/// sample.
+/// sample. With `jumps`, it also counts the searches of their points.
 #[cube(launch)]
-pub(super) fn keep_paths(paths: Paths, loss: Loss, records: &mut [u32]) {
+pub(super) fn keep_paths(paths: Paths, loss: Loss, records: &mut [u32], #[comptime] jumps: bool) {
     let threads = paths.piece.threads();
-    if ABSOLUTE_POS < threads as usize {
-        let thread = ABSOLUTE_POS as u32;
-        let which = paths.of_thread(thread);
-        let scene = paths.views.scene(which.view);
-        let g = loss.of_row(&scene, which.row);
-        if is_nonzero(g.size()) {
-            let room = room_of(thread, threads, scene.bounces, loss.forward);
-            let mut memory = Memory::new(&scene);
-            let path = begin(&scene, which.pixel, which.sample);
-            let light = path_light(
-                &scene,
-                &mut memory,
-                records,
-                room,
-                path,
-                Start::default(),
-                false,
-                true,
-            );
-            records[room.points()] = light.points;
-        }
+    // The threads of a workgroup meet in `count_searches`, also those without a path.
+    let thread = (ABSOLUTE_POS as u32).min(threads - 1);
+    let which = paths.of_thread(thread);
+    let scene = paths.views.scene(which.view);
+    let room = room_of(thread, threads, scene.bounces, loss.forward);
+    let mut points = 0u32;
+    if ABSOLUTE_POS < threads as usize && is_nonzero(loss.of_row(&scene, which.row).size()) {
+        let mut memory = Memory::new(&scene);
+        let path = begin(&scene, which.pixel, which.sample);
+        let light = path_light(
+            &scene,
+            &mut memory,
+            records,
+            room,
+            path,
+            Start::default(),
+            false,
+            true,
+        );
+        points = light.points;
+        records[room.points()] = points;
+    }
+    if comptime!(jumps) {
+        count_searches(&scene, &loss, records, &room, which, points);
     }
 }
 
@@ -85,17 +88,16 @@ pub(super) fn add_jumps(
     loss: Loss,
     records: &mut [u32],
     adding: Adding,
-    points: u32,
     #[comptime] of_light: bool,
 ) {
     let threads = paths.piece.threads();
     let bounces = paths.views.scene(0u32).bounces;
-    let order = Order::new(&room_of(0u32, threads, bounces, loss.forward), points);
+    let all = room_of(0u32, threads, bounces, loss.forward);
+    let order = Order::new(&all, bounces + 1);
     let index = ABSOLUTE_POS as u32;
     let which_point = order.point(records, index, of_light);
     if which_point != NONE {
-        let thread = which_point % threads;
-        let k = which_point / threads;
+        let (thread, k) = order.path(which_point);
         let which = paths.of_thread(thread);
         let scene = paths.views.scene(which.view);
         let sums = loss.sums(&scene, &adding, index, which.row);

@@ -1,5 +1,5 @@
 //! Vertices, normals and tangents that the device places into the lists of scenes, from the row of all tracked tensors.
-//! The host gets to know later how far vertices have moved, and their values on request.
+//! The host reads later how far vertices have moved, and their values on request.
 
 use std::collections::HashSet;
 use std::future::poll_fn;
@@ -44,55 +44,57 @@ const AS_IT_IS: u32 = 1;
 /// The number of triangles by which the typical length of an object's edges is judged.
 const SOME: usize = 256;
 
-type Reading = Pin<Box<dyn Future<Output = Option<Vec<Bytes>>> + Send>>;
-
 /// The row of all tracked tensors on a device, from which tensors are placed.
 #[derive(Clone)]
-pub(crate) struct Row {
-    list: List,
-    /// Whether the host reads its values.
-    reads: bool,
-}
+pub(crate) struct Row(List);
 
 impl Row {
-    /// Takes a row, or returns `None` if it is not on a GPU. If `reads`, the host gets its values later.
-    pub fn new(row: &Tensor<1>, reads: bool) -> Option<Self> {
+    /// Takes a row, or returns `None` if it is not on a GPU. If `reads`, also returns its values, which the host gets
+    /// later.
+    pub fn new(row: &Tensor<1>, reads: bool) -> Option<(Self, Option<Reading>)> {
         let row = detached(row).try_into_primitive::<Cube>().ok()?;
-        let (_, list) = floats(row);
-        Some(Self { list, reads })
+        let (client, list) = floats(row);
+        let reading = reads.then(|| Reading::of(&client, &list));
+        Some((Self(list), reading))
     }
 }
 
-/// What a device has found while it placed tensors, which the host reads later.
-pub(crate) struct Report(Option<Reading>);
+/// A list on a device that the host reads later.
+pub(crate) struct Reading(Option<Pin<Box<dyn Future<Output = Option<Bytes>> + Send>>>);
 
-impl Drop for Report {
+impl Drop for Reading {
     /// Waits for the device, since CubeCL reuses the memory of copies that are given up while the device writes them.
     fn drop(&mut self) {
         self.0.take().map(block_on);
     }
 }
 
-/// The content of a report.
-pub(crate) struct Found {
-    /// The longest move of a vertex, divided by a typical length of its object's edges. It is infinite or NaN if a
-    /// value is not finite.
-    pub moved: f32,
-    /// The values of the row, if they were requested.
-    pub values: Option<Vec<f64>>,
-}
+impl Reading {
+    /// Queues the copy of a list to the host.
+    fn of(client: &Client, list: &List) -> Self {
+        let (client, handle) = (client.clone(), list.handle.clone());
+        let mut reading: Pin<Box<dyn Future<Output = Option<Bytes>> + Send>> =
+            Box::pin(async move {
+                // This queues the copy. To poll its future waits for it on CUDA.
+                let copy = client.read_async(vec![handle]);
+                let mut queued = false;
+                let polled_again = |_: &mut Context| match std::mem::replace(&mut queued, true) {
+                    true => Poll::Ready(()),
+                    false => Poll::Pending,
+                };
+                poll_fn(polled_again).await;
+                copy.await.ok()?.pop()
+            });
+        let begun = reading.as_mut();
+        let begun = begun.poll(&mut Context::from_waker(Waker::noop()));
+        debug_assert!(begun.is_pending());
+        Self(Some(reading))
+    }
 
-impl Report {
-    /// Waits until the device has placed the tensors. Returns `None` if it has failed.
-    pub fn read(mut self) -> Option<Found> {
-        let mut lists = block_on(self.0.take()?)?.into_iter();
-        let moved = *u32::from_bytes(&lists.next()?).first()?;
-        let values = lists.next();
-        let values = values.map(|v| f32::from_bytes(&v).iter().map(|&x| x.into()).collect());
-        Some(Found {
-            moved: f32::from_bits(moved),
-            values,
-        })
+    /// Waits for the numbers of the list. Returns `None` if the device has failed.
+    pub fn numbers(mut self) -> Option<Vec<f32>> {
+        let bytes = block_on(self.0.take()?)?;
+        Some(f32::from_bytes(&bytes).to_vec())
     }
 }
 
@@ -174,8 +176,9 @@ impl Placing {
         self.elements += length;
     }
 
-    /// Places the tensors into the lists of floats, replaces words, and returns what the device will have found.
-    pub fn place(&self, client: &Client, floats: &List, words: &List) -> Report {
+    /// Places the tensors into the lists of floats, and replaces words. Returns the longest move of a vertex, divided by a
+    /// typical length of its object's edges. It is infinite or NaN if a value is not finite.
+    pub fn place(&self, client: &Client, floats: &List, words: &List) -> Reading {
         let table = [&self.table, self.words.as_flattened()].concat();
         let [table, found] = List::send(client, [u32::as_bytes(&table), &[0; 4]]);
         launch!(
@@ -184,33 +187,14 @@ impl Placing {
             place_tensors(
                 floats,
                 words,
-                &self.row.list,
+                &self.row.0,
                 &table,
                 &found,
                 (self.table.len() / OF_TENSOR) as u32,
                 self.elements as u32
             )
         );
-        let mut handles = vec![found.handle];
-        if self.row.reads {
-            handles.push(self.row.list.handle.clone());
-        }
-        let client = client.clone();
-        let mut reading: Reading = Box::pin(async move {
-            // This queues the copies. To poll their future waits for them on CUDA.
-            let copies = client.read_async(handles);
-            let mut queued = false;
-            let polled_again = |_: &mut Context| match std::mem::replace(&mut queued, true) {
-                true => Poll::Ready(()),
-                false => Poll::Pending,
-            };
-            poll_fn(polled_again).await;
-            copies.await.ok()
-        });
-        let begun = reading.as_mut();
-        let begun = begun.poll(&mut Context::from_waker(Waker::noop()));
-        debug_assert!(begun.is_pending());
-        Report(Some(reading))
+        Reading::of(client, &found)
     }
 }
 

@@ -29,7 +29,7 @@ pub(super) const JUMPED: u32 = 14;
 #[apply(record!)]
 pub(super) struct Room {
     thread: u32,
-    threads: u32,
+    pub threads: u32,
     bounces: u32,
     /// The number of derivatives from jumps of each point.
     channels: u32,

@@ -4,11 +4,10 @@
 use crate::cube::*;
 
 use super::device::GROUP;
-use super::job::{Outputs, Paths};
+use super::job::{Outputs, PathAt};
 use super::jumps::{Searches, searches_of};
 use super::loss::Loss;
 use super::records::Room;
-use crate::model::numbers::is_nonzero;
 use crate::sampling::Stream;
 use crate::trace::{NONE, OF_EDGES, PointGradient, REFLECTS, Scene, sampler};
 
@@ -75,7 +74,8 @@ pub(super) fn in_order(words: &[u32], points: usize) -> Vec<Vec<u32>> {
 }
 
 /// Two orders of points behind the records: by searches for shadow edges, and by searches for edges in reflected
-/// light. Each block of [`OF_BLOCK`] workgroups (with one thread per point) has its own orders, so that workgroups sum
+/// light. Points are numbered over all paths of a launch, first the first points of all paths; those of each number begin
+/// with a workgroup of their own. Each block of [`OF_BLOCK`] workgroups (with one thread per point) has its own orders, so that workgroups sum
 /// the counts of all blocks in parallel.
 ///
 /// First come the numbers of searches of each point. Then comes, for each block, order, class and workgroup, the
@@ -84,8 +84,9 @@ pub(super) fn in_order(words: &[u32], points: usize) -> Vec<Vec<u32>> {
 #[apply(record!)]
 pub(super) struct Order {
     first: u32,
-    /// The number of workgroups.
+    /// The number of workgroups, and how many of them take the points of one number of all paths.
     groups: u32,
+    across: u32,
 }
 
 /// The counts of a block: its first word, and its number of workgroups.
@@ -97,11 +98,20 @@ struct Block {
 
 #[cube]
 impl Order {
+    /// Returns the orders of paths of at most `points` points.
     pub fn new(room: &Room, points: u32) -> Order {
+        let across = room.threads.div_ceil(GROUP);
         Order {
             first: room.words(),
-            groups: points.div_ceil(GROUP),
+            groups: points * across,
+            across,
         }
+    }
+
+    /// Returns the path of a point, and its number among the points of the path.
+    pub fn path(&self, point: u32) -> (u32, u32) {
+        let across = self.across * GROUP;
+        (point % across, point / across)
     }
 
     fn block(&self, block: u32) -> Block {
@@ -168,57 +178,67 @@ impl Order {
     }
 }
 
-/// Counts the searches of each point of the recorded paths, and the points of each class. Sets the derivatives from
-/// jumps of these points to zero.
-#[cube(launch)]
-pub(super) fn count_searches(paths: Paths, loss: Loss, records: &mut [u32], points: u32) {
-    let threads = paths.piece.threads();
-    let thread = ABSOLUTE_POS as u32 % threads;
-    let k = ABSOLUTE_POS as u32 / threads;
-    let which = paths.of_thread(thread);
-    let scene = paths.views.scene(which.view);
-    let channels = comptime!(Outputs::channels_of_radiance(loss.forward));
-    let room = Room::new(thread, threads, scene.bounces, channels);
-    let g = loss.of_row(&scene, which.row);
-    let mut own = 0u32;
-    // A path may have fewer points than there are threads for it.
-    if is_nonzero(g.size()) && k < records[room.points()] {
-        let arrival = room.arrival(records, k);
-        let carried = g.radiance.times(arrival.throughput);
-        let counts = loss.counts_of(which.view, carried);
-        let bits = scene.bits_of(scene.material_of(arrival.triangle));
-        if counts > 0.0 && bits & REFLECTS != 0 {
-            let numbers = sampler(&scene, OF_EDGES).stream(which.pixel, which.sample);
-            own = count(&scene, &numbers, k, counts, false) << OF_LIGHT;
-            if comptime!(scene.features.emitters) {
-                own += count(&scene, &numbers, k, counts, true);
+/// Counts the searches of each point of a recorded path of `points` points. Sets the derivatives from jumps of these
+/// points to zero. The threads of a workgroup then count the points of each class.
+#[cube]
+pub(super) fn count_searches(
+    scene: &Scene,
+    loss: &Loss,
+    records: &mut [u32],
+    room: &Room,
+    which: PathAt,
+    points: u32,
+) {
+    let all = scene.bounces + 1;
+    let order = Order::new(room, all);
+    let g = loss.of_row(scene, which.row);
+    let group = CUBE_POS as u32;
+    for k in 0..all {
+        let mut own = 0u32;
+        if k < points {
+            let arrival = room.arrival(records, k);
+            let carried = g.radiance.times(arrival.throughput);
+            let counts = loss.counts_of(which.view, carried);
+            let bits = scene.bits_of(scene.material_of(arrival.triangle));
+            if counts > 0.0 && bits & REFLECTS != 0 {
+                let numbers = sampler(scene, OF_EDGES).stream(which.pixel, which.sample);
+                own = count(scene, &numbers, k, counts, false) << OF_LIGHT;
+                if comptime!(scene.features.emitters) {
+                    own += count(scene, &numbers, k, counts, true);
+                }
+            }
+            let channels = comptime!(Outputs::channels_of_radiance(loss.forward));
+            for channel in 0..channels {
+                room.keep_jumped(records, k, channel, &PointGradient::default());
             }
         }
-        for channel in 0..channels {
-            room.keep_jumped(records, k, channel, &PointGradient::default());
+        if group < order.across {
+            let point = (k * order.across + group) * GROUP + UNIT_POS;
+            records[order.of_point(point)] = own;
         }
-    }
-    let order = Order::new(&room, points);
-    let group = CUBE_POS as u32;
-    if group < order.groups {
-        records[order.of_point(ABSOLUTE_POS as u32)] = own;
     }
     sync_storage();
-    if group < order.groups && UNIT_POS < 2 * CLASSES {
-        let mut in_class = 0u32;
-        for unit in 0..GROUP {
-            let point = group * GROUP + unit;
-            let mut class = order.class(records, point, true);
-            if UNIT_POS >= CLASSES {
-                class = CLASSES + order.class(records, point, false);
+    if group < order.across {
+        let mut which_class = UNIT_POS;
+        while which_class < 2 * CLASSES * all {
+            let own = which_class / (2 * CLASSES) * order.across + group;
+            let class = which_class % (2 * CLASSES);
+            let mut in_class = 0u32;
+            for unit in 0..GROUP {
+                let point = own * GROUP + unit;
+                let mut of_point = order.class(records, point, true);
+                if class >= CLASSES {
+                    of_point = CLASSES + order.class(records, point, false);
+                }
+                if of_point == class {
+                    in_class += 1;
+                }
             }
-            if class == UNIT_POS {
-                in_class += 1;
-            }
+            let block = order.block(own / OF_BLOCK);
+            let place = block.first + class * block.groups + own % OF_BLOCK;
+            records[place as usize] = in_class;
+            which_class += GROUP;
         }
-        let block = order.block(group / OF_BLOCK);
-        let place = block.first + UNIT_POS * block.groups + group % OF_BLOCK;
-        records[place as usize] = in_class;
     }
 }
 
@@ -227,7 +247,12 @@ pub(super) fn count_searches(paths: Paths, loss: Loss, records: &mut [u32], poin
 #[cube(launch)]
 pub(super) fn add_before(list: &mut [u32], first: u32, points: u32) {
     let groups = points.div_ceil(GROUP);
-    let block = Order { first, groups }.block(CUBE_POS as u32);
+    let order = Order {
+        first,
+        groups,
+        across: groups,
+    };
+    let block = order.block(CUBE_POS as u32);
     let count = 2 * CLASSES * block.groups;
     let each = count.div_ceil(GROUP);
     let from = (UNIT_POS * each).min(count);
@@ -272,7 +297,12 @@ mod tests {
         points: u32,
         #[comptime] of_light: bool,
     ) {
-        let order = Order::new(&Room::new(0u32, 0u32, 0u32, 1u32), points);
+        let groups = points.div_ceil(GROUP);
+        let order = Order {
+            first: 0u32,
+            groups,
+            across: groups,
+        };
         if ABSOLUTE_POS < found.len() {
             found[ABSOLUTE_POS] = order.point(records, ABSOLUTE_POS as u32, of_light);
         }

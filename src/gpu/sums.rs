@@ -112,58 +112,90 @@ pub(super) fn choose_scales(
     }
 }
 
-/// Adds the values of a sum in all replicas to its sum of three words, and sets the replicas to 0.
-#[cube(launch)]
-pub(super) fn add_replicas(sums: &mut [u32], replicas: u32, numbers: u32) {
-    if ABSOLUTE_POS < numbers as usize {
+/// The replicas of sums: their number, and the number of sums.
+#[apply(argument!)]
+pub(super) struct Replicas {
+    pub count: u32,
+    pub numbers: u32,
+}
+
+/// A sum in three words.
+#[apply(record!)]
+struct Wide {
+    low: u32,
+    high: u32,
+    above: u32,
+}
+
+#[cube]
+impl Replicas {
+    /// Returns a sum over all launches: its three words, plus its values in all replicas.
+    fn sum(&self, sums: &mut [u32], at: u32) -> Wide {
         let mut low = 0u32;
         let mut high = 0u32;
-        for replica in 0..replicas {
-            let from = first_total(replica, numbers) + 2 * ABSOLUTE_POS;
+        for replica in 0..self.count {
+            let from = first_total(replica, self.numbers) + 2 * at as usize;
             let own = sums[from];
             low = total(low, own);
             high = total(high, total(sums[from + 1], carry(low, own)));
-            sums[from] = 0;
-            sums[from + 1] = 0;
         }
         // The sign extends into the third word.
         let mut above = select(high >> 31 == 1, 0xffff_ffffu32, 0u32);
-        let at = 3 * ABSOLUTE_POS;
-        let first = total(sums[at], low);
-        let more = carry(first, low);
-        let own = total(sums[at + 1], high);
+        let first = (3 * at) as usize;
+        let sum = total(sums[first], low);
+        let more = carry(sum, low);
+        let own = total(sums[first + 1], high);
         let second = total(own, more);
         above = total(above, carry(own, high) + carry(second, more));
-        sums[at] = first;
-        sums[at + 1] = second;
-        sums[at + 2] = total(sums[at + 2], above);
+        Wide {
+            low: sum,
+            high: second,
+            above: total(sums[first + 2], above),
+        }
+    }
+
+    /// Returns a sum of a part as a float, or NaN if one of its derivatives is not finite or too large for any sum.
+    pub fn number(&self, sums: &mut [u32], scales: &[f32], at: u32, part: u32) -> f32 {
+        let scale = scales[part as usize];
+        let sum = self.sum(sums, at);
+        let mut low = sum.low;
+        let mut high = sum.high;
+        let mut above = sum.above;
+        let marked = is_marked(above);
+        let negative = above >> 31 == 1;
+        if negative {
+            // The two's complement.
+            low = total(!low, 1u32);
+            let more = carry(low, 1u32);
+            high = total(!high, more);
+            above = total(!above, carry(high, more));
+        }
+        let mut value =
+            (above as f32 * 4_294_967_296.0 + high as f32) * 4_294_967_296.0 + low as f32;
+        value = select(negative, -value, value);
+        value = value / scale;
+        if marked {
+            value = not_a_number(scale);
+        }
+        value
     }
 }
 
-/// Returns a sum of a part as a float, or NaN if one of its derivatives is not finite or too large for any sum.
-#[cube]
-pub(super) fn sum_at(sums: &[u32], scales: &[f32], at: u32, part: u32) -> f32 {
-    let scale = scales[part as usize];
-    let first = (3 * at) as usize;
-    let mut low = sums[first];
-    let mut high = sums[first + 1];
-    let mut above = sums[first + 2];
-    let marked = is_marked(above);
-    let negative = above >> 31 == 1;
-    if negative {
-        // The two's complement.
-        low = total(!low, 1u32);
-        let more = carry(low, 1u32);
-        high = total(!high, more);
-        above = total(!above, carry(high, more));
+/// Adds the values of a sum in all replicas to its sum of three words, and sets the replicas to 0.
+#[cube(launch)]
+pub(super) fn add_replicas(sums: &mut [u32], replicas: Replicas) {
+    if ABSOLUTE_POS < replicas.numbers as usize {
+        let sum = replicas.sum(sums, ABSOLUTE_POS as u32);
+        let at = 3 * ABSOLUTE_POS;
+        sums[at] = sum.low;
+        sums[at + 1] = sum.high;
+        sums[at + 2] = sum.above;
+        for replica in 0..replicas.count {
+            let from = first_total(replica, replicas.numbers) + 2 * ABSOLUTE_POS;
+            sums[from] = 0;
+            sums[from + 1] = 0;
+        }
     }
-    let mut value = (above as f32 * 4_294_967_296.0 + high as f32) * 4_294_967_296.0 + low as f32;
-    value = select(negative, -value, value);
-    value = value / scale;
-    if marked {
-        value = not_a_number(scale);
-    }
-    value
 }
 
 /// Returns the first word of a replica.
@@ -176,8 +208,7 @@ fn first_total(replica: u32, numbers: u32) -> usize {
 #[apply(argument!)]
 pub(super) struct Adding {
     sums: &'static [Atomic<u32>],
-    replicas: u32,
-    numbers: u32,
+    replicas: Replicas,
     parts: u32,
     directions: u32,
     pixels: u32,
@@ -198,7 +229,7 @@ impl Adding {
         pixel: u32,
         #[comptime] forward: bool,
     ) -> Sums<'a> {
-        let first = first_total(thread % self.replicas, self.numbers);
+        let first = first_total(thread % self.replicas.count, self.replicas.numbers);
         sums_of(Totals::<'a> {
             sums: self.sums,
             replica: first as u32,

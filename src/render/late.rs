@@ -11,7 +11,7 @@ use super::cache::HierarchyCache;
 use super::options::RenderOptions;
 use super::standing::{Group, Look, Places, Standing};
 use crate::geometry::{Context, detached};
-use crate::gpu::{Row, identity_and_strides};
+use crate::gpu::{Reading, Row, identity_and_strides};
 use crate::kernel::View;
 use crate::scene::{
     Camera, Detach, Object, Parameter, ParameterId, Projection, Value, Visit, look_at_scene,
@@ -34,6 +34,8 @@ pub(super) struct Late {
     pub standing: Option<Standing>,
     /// The row from which the device places tensors, if the host takes other values.
     pub row: Option<Row>,
+    /// The values of this row, if the next render is to take them.
+    reading: Option<Reading>,
 }
 
 impl Late {
@@ -50,28 +52,33 @@ impl Late {
         let (Some(look), Some(mut last)) = (&this.look, last) else {
             return this;
         };
-        let (mut moved, mut values) = (0.0f32, None);
-        for report in std::mem::take(&mut last.reports) {
-            let Some(found) = report.read().filter(|found| found.moved.is_finite()) else {
+        let mut moved = 0.0f32;
+        for reading in std::mem::take(&mut last.moves) {
+            let own = reading.numbers().filter(|own| own[0].is_finite());
+            let Some(own) = own else {
                 return this;
             };
-            moved = moved.max(found.moved);
-            values = found.values.or(values);
+            moved = moved.max(own[0]);
         }
         moved += last.moved;
-        if *look == last.look && moved <= FAR {
-            this.values = values;
-            if this.values.is_none() {
-                (this.age, this.moved) = (last.age + 1, moved);
-                this.standing = Some(last);
-            }
+        if *look != last.look || moved > FAR {
+            return this;
+        }
+        if let Some(reading) = last.values.take() {
+            let values = reading.numbers();
+            this.values = values.map(|values| values.into_iter().map(f64::from).collect());
+        } else {
+            (this.age, this.moved) = (last.age + 1, moved);
+            this.standing = Some(last);
         }
         this
     }
 
     /// Lets the device place tensors of a row. Their values are read if they are to arrive in the next render.
     pub fn place(&mut self, row: &Tensor<1>, cache: &HierarchyCache) {
-        self.row = Row::new(row, self.age + 1 >= cache.every);
+        if let Some((row, reading)) = Row::new(row, self.age + 1 >= cache.every) {
+            (self.row, self.reading) = (Some(row), reading);
+        }
     }
 
     /// Lets the host read all values.
@@ -101,9 +108,7 @@ impl Late {
         let Some(look) = self.look.filter(|_| serve) else {
             return;
         };
-        let reports = groups
-            .iter()
-            .filter_map(|(_, group)| group.buffers.report());
+        let moves = groups.iter().filter_map(|(_, group)| group.buffers.moved());
         let group = |(views, group): &Group| (views.clone(), Arc::new(group.without_buffers()));
         cache.set_standing(Standing {
             look,
@@ -113,7 +118,8 @@ impl Late {
             lit,
             age: self.age,
             moved: self.moved,
-            reports: reports.collect(),
+            moves: moves.collect(),
+            values: self.reading,
         });
     }
 }

@@ -10,7 +10,7 @@ use burn::tensor::Tensor;
 #[cfg(feature = "gpu")]
 use crate::geometry::Context;
 #[cfg(feature = "gpu")]
-use crate::gpu::{Packed, Report};
+use crate::gpu::{Packed, Reading};
 #[cfg(feature = "gpu")]
 use crate::kernel::View;
 use crate::scene::ParameterId;
@@ -65,6 +65,8 @@ pub(super) struct Standing {
     pub age: u32,
     /// The sum of the longest moves of vertices since then, divided by typical lengths of edges.
     pub moved: f32,
-    /// What the device has found in the render.
-    pub reports: Vec<Report>,
+    /// The longest moves of vertices in the render, one for each group.
+    pub moves: Vec<Reading>,
+    /// The values of the row, if the next render is to take them.
+    pub values: Option<Reading>,
 }
