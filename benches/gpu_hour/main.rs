@@ -61,7 +61,8 @@ fn main() {
         for faces in [1_280, 20_480, 81_920] {
             let skipped = arguments.quick && scenes * faces > 100_000;
             if !skipped {
-                steps.push(Step::new("a batch", scenes, [faces, 0], (64, 1)));
+                let batch = |name| Step::new(name, scenes, [faces, 0], (64, 1));
+                steps.extend([batch("a batch"), batch("a batch, late").late()]);
             }
         }
     }

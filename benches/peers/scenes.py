@@ -112,6 +112,14 @@ def write_hdr(path, texels):
     path.write_bytes(head.encode() + pixels.tobytes())
 
 
+#: The color of the ball, and of the sky.
+BLUE, SKY = (0.3, 0.5, 0.8), (0.3, 0.35, 0.4)
+
+
+def ball_mesh(level):
+    return icosphere(level, 0.8, (0, 0.8, 0))
+
+
 def ball(folder, level):
     """The scene `sphere` of tests/data with its ball in 20·4^level faces."""
     name = f"ball-{20 * 4**level}"
@@ -120,10 +128,10 @@ def ball(folder, level):
         return str(path)
     parts = [
         ("floor", floor(), {"Kd": (0.6, 0.5, 0.4)}),
-        ("sphere", icosphere(level, 0.8, (0, 0.8, 0)), {"Kd": (0.3, 0.5, 0.8)}),
+        ("sphere", ball_mesh(level), {"Kd": BLUE}),
         ("light", lamp(1.5, 3, 1.5, 0.5), {"Kd": (0, 0, 0), "Ke": (20, 18, 15)}),
     ]
-    return write(folder, name, parts, DOWN_TO_ORIGIN, (0.3, 0.35, 0.4))
+    return write(folder, name, parts, DOWN_TO_ORIGIN, SKY)
 
 
 def images(folder):
@@ -131,7 +139,7 @@ def images(folder):
     known = lambda name: str(DATA / name / "scene.json")  # noqa: E731
     light = {"Kd": (0, 0, 0), "Ke": (20, 18, 15)}
     ground = ("floor", floor(), {"Kd": (0.6, 0.5, 0.4)})
-    sphere = ("sphere", icosphere(3, 0.8, (0, 0.8, 0)), {"Kd": (0.3, 0.5, 0.8)})
+    sphere = ("sphere", ball_mesh(3), {"Kd": BLUE})
     glass = {"sphere": {"bsdf": "dielectric", "ior": 1.5, "roughness": 0.3}}
     lit = [ground, sphere, ("light", lamp(1.5, 3, 1.5, 0.5), light)]
     grid = [(x, z) for x in range(-4, 4) for z in range(-4, 4)]
@@ -154,6 +162,8 @@ def images(folder):
 #: Of the cube under a uniform sky.
 CUBE = {"half": 0.7, "center": (0.1, 0.05, 0), "axis": (1, 2, 0.5), "degrees": 35, "albedo": 0.3}
 CUBE_VIEW = {"eye": [0, 0, 4.5], "target": [0, 0, 0], "up": [0, 1, 0]}
+#: Levels of balls before a constant sky.
+BALLS = (2, 4)
 FINE = {2: "320", 3: "1,280", 4: "5,120", 5: "20,480", 6: "81,920"}
 
 
@@ -204,29 +214,36 @@ def cases(folder):
     for level, faces in FINE.items():
         title = f"a ball and its shadow, {faces} faces, by its z"
         found[f"ball-{20 * 4**level}"] = case(title, ball(folder, level), 1, 0.02, "sphere", translate=[0, 0, 1])
-    for level in (2, 4):
+    for level in BALLS:
         name = f"ball-sky-{20 * 4**level}"
-        parts = [("sphere", icosphere(level, 0.8, (0, 0.8, 0)), {"Kd": (0.3, 0.5, 0.8)})]
-        scene = write(folder, name, parts, DOWN_TO_ORIGIN, (0.3, 0.35, 0.4))
+        scene = write(folder, name, [("sphere", ball_mesh(level), {"Kd": BLUE})], DOWN_TO_ORIGIN, SKY)
         title = f"a ball before a constant sky, {FINE[level]} faces, by its x"
         found[name] = case(title, scene, 1, 0.02, "sphere", translate=[1, 0, 0])
     return found
 
 
-def sky_blocks(x):
-    """Sums over channels and pixels of the blocks of the image of the cube under the sky at x, exactly: outside of its
-    outline radiance is 1, inside it is the albedo, since a convex body under a uniform sky sees nothing of itself."""
-    v, _ = cube_mesh()
-    v = v + np.array([0, 0, x]) - np.array(CUBE_VIEW["eye"])
+def under_sky():
+    """The convex bodies under a uniform sky by name: vertices, view, colors of the sky and of the body, and its motion."""
+    found = {"sky": (cube_mesh()[0], CUBE_VIEW, (1, 1, 1), (CUBE["albedo"],) * 3, (0, 0, 1))}
+    for level in BALLS:
+        found[f"ball-sky-{20 * 4**level}"] = (ball_mesh(level)[0], DOWN_TO_ORIGIN, SKY, BLUE, (1, 0, 0))
+    return found
+
+
+def sky_blocks(name, x):
+    """Sums over channels and pixels of the blocks of the image of a convex body under a uniform sky at x, exactly: inside of
+    its outline the sky's radiance is multiplied by the body's color, since the body sees nothing of itself."""
+    v, view, sky, color, motion = under_sky()[name]
+    eye, target, up = (np.array(view[k], float) for k in ("eye", "target", "up"))
+    ahead = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(ahead, up) / np.linalg.norm(np.cross(ahead, up))
+    seen = (v + x * np.array(motion) - eye) @ np.stack([right, np.cross(right, ahead), ahead], 1)
     scale = SIZE / 2 / math.tan(math.radians(20.0))
-    outline = hull(np.stack([SIZE / 2 + scale * v[:, 0] / -v[:, 2], SIZE / 2 - scale * v[:, 1] / -v[:, 2]], 1))
+    outline = hull(SIZE / 2 + scale * np.stack([seen[:, 0], -seen[:, 1]], 1) / seen[:, 2:])
     side = SIZE / BLOCKS
-    sums = []
-    for row in range(BLOCKS):
-        for column in range(BLOCKS):
-            inside = area(clipped(outline, side * column, side * row, side))
-            sums.append(3 * (side * side - (1 - CUBE["albedo"]) * inside))
-    return np.array(sums)
+    jump = sum(s * (1 - c) for s, c in zip(sky, color))
+    cells = [(side * column, side * row) for row in range(BLOCKS) for column in range(BLOCKS)]
+    return np.array([sum(sky) * side * side - jump * area(clipped(outline, *cell, side)) for cell in cells])
 
 
 def hull(points):

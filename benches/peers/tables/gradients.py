@@ -77,7 +77,13 @@ def measure(programs, a):
     error = {n: known[n]["scalar error"] / abs(known[n]["scalar"]) for n in known}
     image = {n: np.linalg.norm(known[n]["error"]) / np.linalg.norm(known[n]["blocks"]) for n in known}
     titles = {n: cases[n]["title"] for n in cases}
-    return {"sigma": SIGMA, "titles": titles, "error of truth": error, "error of truth, image": image, "rows": rows}
+    result = {"sigma": SIGMA, "titles": titles, "error of truth": error, "error of truth, image": image, "rows": rows}
+    kept = [r for r in a.before.get("rows", []) if r["case"] not in a.cases] if a.cases else []
+    if kept:
+        order = list(cases)
+        result["rows"] = sorted(kept + rows, key=lambda r: order.index(r["case"]))
+        result["kept"] = [titles[n] for n in dict.fromkeys(r["case"] for r in kept)]
+    return result
 
 
 #: Of fewer estimates the deviation is not their own.
@@ -158,7 +164,7 @@ def report(result, folder):
     worst = max(result["error of truth"][n] for n in names)
     text = "The tables are about the derivative of Σ weights·image with respect to one number. The image has 64 × 64 pixels and a box "
     text += "filter. The weights are the derivative image's own means over 8 × 8 pixels. The truth is a central difference of Mitsuba's "
-    text += f"`path`, known to {percent(worst)} or better. For the cube it is the closed form. The softmax has σ = {result['sigma']:g}, "
+    text += f"`path`, known to {percent(worst)} or better. For the cube and the balls before a constant sky it is the closed form. The softmax has σ = {result['sigma']:g}, "
     text += "γ = 1e-3.\n\nBias: the mean of the estimates divided by the truth, minus 1, ± the standard error of that mean. The ± does not "
     text += "include the error of the truth itself:\n\n"
     text += common.table(head, rows("scalar", bias))

@@ -1,5 +1,5 @@
 """The derivatives that estimates are compared with: central differences of Mitsuba's `path`, an integrator that takes
-no part in the comparison; of the cube under a uniform sky the closed form."""
+no part in the comparison; of convex bodies under a uniform sky the closed form."""
 
 import sys
 
@@ -17,9 +17,9 @@ def measure(programs, a):
         request = {k: case[k] for k in ("scene", "size", "bounces", "motion")}
         request |= {"measure": "gradient", "samples": [1024], "seed": 0, "differences": case["step"]}
         seconds = a.seconds or (2 if a.quick else 30)
-        if name == "sky":
-            h = 1e-4
-            exact = (scenes.sky_blocks(h) - scenes.sky_blocks(-h)) / (2 * h)
+        if name in scenes.under_sky():
+            h = 1e-5
+            exact = (scenes.sky_blocks(name, h) - scenes.sky_blocks(name, -h)) / (2 * h)
             found[name] = {"blocks": exact.tolist(), "error": [0.0] * len(exact), "weights": (exact / 64).tolist()}
             found[name] |= {"scalar": float((exact**2).sum() / 64), "scalar error": 0.0}
             continue
@@ -31,4 +31,5 @@ def measure(programs, a):
         found[name] = {"blocks": values.mean(0).tolist(), "error": error.tolist(), "weights": weights.tolist()}
         found[name] |= {"scalar": scalars.mean(), "scalar error": scalars.std(ddof=1) / len(scalars) ** 0.5}
         print(name, found[name]["scalar"], found[name]["scalar error"], len(values), file=sys.stderr, flush=True)
-    return {"cases": found}
+    kept = [name for name in found if name not in (a.cases or found)]
+    return {"cases": found} | ({"kept": kept} if kept else {})
