@@ -45,7 +45,7 @@ for name in re.findall(r"<!-- begin (\w+) -->", text):
     first += module.summary(result) if hasattr(module, "summary") else []
     what = told(result)
     if "earlier" in result:
-        what = f"{', '.join(result['kept'])}: {told(result['earlier'])}. The others: {what}"
+        what = f"{'; '.join(result['kept'])}: {told(result['earlier'])}. The others: {what}"
     if result["quick"]:
         what += "; **a quick run, do not cite these numbers**"
     text = between(name, f"{section}\n\n*{what}.*", text)
