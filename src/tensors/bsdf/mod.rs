@@ -13,6 +13,7 @@ use super::surface::{Model, SurfacePoints};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
 use crate::model::bsdf::HORIZON;
+use crate::model::frame::TURN;
 use crate::sampling::{Dimensions, Sampler};
 use crate::scene::BsdfKind;
 use dielectric::Dielectric;
@@ -187,10 +188,10 @@ pub(crate) fn sample(
     })
 }
 
-/// Returns two unit vectors that are perpendicular to a unit axis and to each other (Duff et al. 2017).
+/// Returns two unit vectors that are perpendicular to a unit axis and to each other, as [`crate::model::frame`] does.
 fn frame(axis: &Vec3) -> [Vec3; 2] {
     let sign = detached(&axis.z)
-        .greater_equal_elem(0.0)
+        .greater_equal_elem(TURN)
         .float()
         .cast(axis.z.dtype())
         * 2.0
