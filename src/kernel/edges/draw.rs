@@ -243,66 +243,6 @@ fn push(room: &mut [u32], length: u32, child: u32, inverse: f32) {
     room[top + 1] = inverse.to_bits();
 }
 
-/// The length of the stack and the random number after a node was entered.
-#[apply(record!)]
-struct Entered {
-    length: u32,
-    random: Uniform,
-}
-
-/// Pushes those children of a node that are to be entered on the stack, if `several`, and one drawn of the others.
-#[cfg_attr(feature = "gpu", cube)]
-#[inline(always)]
-fn enter_node(
-    tree: &Root,
-    node: usize,
-    inverse: f32,
-    several: bool,
-    stack: u32,
-    q: &Query,
-    large: f32,
-    room: &mut [u32],
-    random: Uniform,
-) -> Entered {
-    weigh_node(tree, node, q, large, room);
-    let mut length = stack;
-    let mut random = random;
-    let all = several && length + LANES as u32 <= ENTERED;
-    let mut far = 0.0f32;
-    for i in 0..repeated(LANES, tree.count) {
-        let own = f32::from_bits(room[i]);
-        if own > 0.0 {
-            if all && room[ENTERS + i] == 1 {
-                push(room, length, tree.children[LANES * node + i], inverse);
-                length += 1;
-                room[i] = 0u32;
-            } else {
-                far += own;
-            }
-        }
-    }
-    if far > 0.0 {
-        let target = random.number * far;
-        let mut branch = 0usize;
-        let mut passed = 0.0f32;
-        let mut before = 0.0f32;
-        for i in 0..LANES {
-            let own = f32::from_bits(room[i]);
-            if own > 0.0 && passed <= target {
-                branch = i;
-                before = passed;
-            }
-            passed += own;
-        }
-        let taken = f32::from_bits(room[branch]);
-        random = random.within(before / far, taken / far);
-        let child = tree.children[LANES * node + branch];
-        push(room, length, child, inverse * far / taken);
-        length += 1;
-    }
-    Entered { length, random }
-}
-
 /// Draws an edge in proportion to its weight.
 ///
 /// All subtrees that are near, or only partly in the cone, are entered, within a budget. Of the other subtrees of a
@@ -327,38 +267,12 @@ pub(crate) fn draw_edge(tree: &Root, room: &mut [u32], q: &Query, u: Uniform) ->
         length += 1;
     }
     while length > 0 {
-        // Threads of a GPU enter nodes until each has found a leaf, and then weigh leaves together.
-        let mut leaf = NO_EDGE.runtime();
-        let mut inverse = 0.0f32;
-        while length > 0 && leaf == NO_EDGE {
-            length -= 1;
-            let top = STACK + 2 * length as usize;
-            let child = room[top];
-            inverse = f32::from_bits(room[top + 1]);
-            if child & 1 == 1 {
-                leaf = child / 2;
-            } else if comptime!(tree.has_nodes) {
-                let index = (child / 2) as usize;
-                if budget > 0 {
-                    budget -= 1;
-                }
-                let entered = enter_node(
-                    tree,
-                    index,
-                    inverse,
-                    budget > 0,
-                    length,
-                    q,
-                    large,
-                    room,
-                    random,
-                );
-                length = entered.length;
-                random = entered.random;
-            }
-        }
-        if leaf != NO_EDGE {
-            let index = leaf as usize;
+        length -= 1;
+        let top = STACK + 2 * length as usize;
+        let child = room[top];
+        let inverse = f32::from_bits(room[top + 1]);
+        let index = (child / 2) as usize;
+        if child & 1 == 1 {
             let sum = weigh_leaf(tree, index, q, room);
             if sum > 0.0 {
                 let share = sum * inverse;
@@ -371,6 +285,44 @@ pub(crate) fn draw_edge(tree: &Root, room: &mut [u32], q: &Query, u: Uniform) ->
                         room[KEPT + i] = room[i];
                     }
                 }
+            }
+        } else if comptime!(tree.has_nodes) {
+            weigh_node(tree, index, q, large, room);
+            if budget > 0 {
+                budget -= 1;
+            }
+            let all = budget > 0 && length + LANES as u32 <= ENTERED;
+            let mut far = 0.0f32;
+            for i in 0..repeated(LANES, tree.count) {
+                let own = f32::from_bits(room[i]);
+                if own > 0.0 {
+                    if all && room[ENTERS + i] == 1 {
+                        push(room, length, tree.children[LANES * index + i], inverse);
+                        length += 1;
+                        room[i] = 0u32;
+                    } else {
+                        far += own;
+                    }
+                }
+            }
+            if far > 0.0 {
+                let target = random.number * far;
+                let mut branch = 0usize;
+                let mut passed = 0.0f32;
+                let mut before = 0.0f32;
+                for i in 0..LANES {
+                    let own = f32::from_bits(room[i]);
+                    if own > 0.0 && passed <= target {
+                        branch = i;
+                        before = passed;
+                    }
+                    passed += own;
+                }
+                let taken = f32::from_bits(room[branch]);
+                random = random.within(before / far, taken / far);
+                let child = tree.children[LANES * index + branch];
+                push(room, length, child, inverse * far / taken);
+                length += 1;
             }
         }
     }
