@@ -81,6 +81,24 @@ impl Piece {
     }
 }
 
+/// Joins pieces of the same pixels, at most `most` of them into one.
+pub(super) fn joined(pieces: Vec<Piece>, most: usize) -> Vec<Piece> {
+    let samples = pieces.first().map_or(1, |piece| piece.past - piece.from);
+    let mut all: Vec<Piece> = Vec::new();
+    for piece in pieces {
+        match all.last_mut() {
+            Some(last)
+                if (last.first, last.past) == (piece.first, piece.from)
+                    && (piece.past - last.from).div_ceil(samples) as usize <= most =>
+            {
+                last.past = piece.past;
+            }
+            _ => all.push(piece),
+        }
+    }
+    all
+}
+
 /// Views as a kernel argument.
 #[apply(argument!)]
 pub(super) struct Views {

@@ -10,8 +10,9 @@ use super::device::{GROUP, List, floats, has_room, launch, rows_of, without_back
 use super::film::{FilmSamplesLaunch, Films, WHOLE, film_jumps};
 use super::form::Form;
 use super::gradient::{Table, write_gradient};
-use super::job::{Job, Outputs, PATHS, Piece};
+use super::job::{Job, Outputs, Piece, joined};
 use super::loss::LossLaunch;
+use super::pace::Pace;
 use super::passes::{add_jumps, go_back, keep_paths};
 use super::placed::ViewPlaces;
 use super::records::{JUMPED, RECORD};
@@ -21,8 +22,6 @@ use crate::device::{self, label};
 use crate::model::film::CELL;
 use crate::trace::{BOUNCES, Features};
 
-/// Maximum number of words of the paths' records in a launch, unless one path needs more.
-const RECORDS: usize = 1 << 25;
 /// Approximate minimum number of pixels, and of film samples, in the measurement of derivatives.
 const MEASURED: usize = 4096;
 
@@ -108,8 +107,7 @@ pub(super) struct Pass<'a> {
     pub sums: List,
     /// The lists that were sent along.
     lists: [List; 2],
-    /// Maximum number of paths in a launch.
-    at_once: usize,
+    pace: Pace,
     /// Number of bits of each scaled derivative.
     bits: i32,
 }
@@ -126,9 +124,10 @@ impl<'a> Pass<'a> {
         films: &'a Films,
     ) -> Self {
         let of_path = of_path(job, form);
-        let at_once = (RECORDS / of_path).clamp(1, job.count() * job.samples as usize);
-        let order = words_of_order(points_of(job, at_once));
-        let bits = bits_of_each(most_derivatives(job, form, films, at_once) as u64);
+        let pace = Pace::new(&client, job, of_path);
+        // Scales must not depend on time, so that gradients repeat.
+        let most = pace.most().min(job.count() * job.samples as usize);
+        let bits = bits_of_each(most_derivatives(job, form, films, most) as u64);
         let [table, scales, sizes, first, second] = List::send(
             &client,
             [
@@ -139,10 +138,11 @@ impl<'a> Pass<'a> {
                 lists[1],
             ],
         );
-        let pass = Self {
+        let measured = measured(job, &pace).count as usize;
+        let mut pass = Self {
             scene: job.lists(&client),
             numbers: upstream.unwrap_or_else(|| first.clone()),
-            records: List::room(&client, of_path * at_once + order),
+            records: records_of(&client, job, form, most.min(pace.paths()).max(measured)),
             pieces: List::room(&client, films.of_pieces()),
             table,
             scales,
@@ -150,7 +150,7 @@ impl<'a> Pass<'a> {
             sizes,
             sums: List::room(&client, form.words()),
             lists: [first, second],
-            at_once,
+            pace,
             bits,
             client,
             job,
@@ -163,24 +163,41 @@ impl<'a> Pass<'a> {
     }
 
     /// Sums all derivatives.
-    fn add_all(&self) {
+    fn add_all(&mut self) {
         let samples = self.films.samples as usize;
-        let mut pieces = self.job.pieces(self.at_once).into_iter().peekable();
+        let mut pieces = self.job.pieces(self.pace.paths());
+        if pieces.len() > 1 && !self.pace.is_known() {
+            let first = pieces.remove(0);
+            let paths = first.threads() as usize;
+            let pace = &self.pace;
+            pace.measure(&self.client, paths, || self.add_piece(first));
+            self.fold();
+            pieces = joined(pieces, self.pace.paths() / paths);
+            let most = pieces.iter().map(Piece::threads).max().unwrap_or(0) as usize;
+            if most > paths {
+                self.records = records_of(&self.client, self.job, self.form, most);
+            }
+        }
+        let mut pieces = pieces.into_iter().peekable();
         while let Some(piece) = pieces.next() {
-            self.add_paths(piece, &self.sums);
-            self.count_searches(piece);
+            self.add_piece(piece);
             if pieces.peek().is_some() {
                 self.fold();
             }
         }
-        // The last piece and the first film samples add to the same replicas, and the last replicas are added where sums
-        // become numbers.
-        for first in (0..samples).step_by(PATHS) {
+        // The last piece and the first film samples add to the same replicas, and the last are added where sums become numbers.
+        let at_once = self.pace.samples();
+        for first in (0..samples).step_by(at_once) {
             if first > 0 {
                 self.fold();
             }
-            self.add_film([first, (samples - first).min(PATHS), 0], &self.sums);
+            self.add_film([first, (samples - first).min(at_once), 0], &self.sums);
         }
+    }
+
+    fn add_piece(&self, piece: Piece) {
+        self.add_paths(piece, &self.sums);
+        self.count_searches(piece);
     }
 
     /// Adds the gradients of tensors, made from sums by the table that was sent along, to `gradient`.
@@ -204,18 +221,7 @@ impl<'a> Pass<'a> {
 
     /// Chooses scales from the sizes of the derivatives of some paths and film samples.
     fn measure(&self) {
-        let paths = self.job.count().saturating_mul(self.job.samples as usize);
-        let stride = self.job.count().div_ceil((paths / 16).max(MEASURED));
-        // Odd, so that the measured pixels are not all in a few columns of the image.
-        let stride = stride.max(1) | 1;
-        let some = Piece {
-            first: 0,
-            stride: stride as u32,
-            count: self.job.count().div_ceil(stride).min(self.at_once) as u32,
-            from: 0,
-            past: 1,
-            each: 1,
-        };
+        let some = measured(self.job, &self.pace);
         self.add_paths(some, &self.sizes);
         let views = self.job.views.views;
         let spread = (MEASURED / views).max(64);
@@ -342,6 +348,28 @@ impl<'a> Pass<'a> {
     }
 }
 
+/// Returns the paths by which scales are chosen: one of each of some pixels.
+fn measured(job: &Job, pace: &Pace) -> Piece {
+    let paths = job.count().saturating_mul(job.samples as usize);
+    let wanted = (paths / 16).max(MEASURED).min(pace.first());
+    // Odd, so that the pixels are not all in a few columns of the image.
+    let stride = job.count().div_ceil(wanted).max(1) | 1;
+    Piece {
+        first: 0,
+        stride: stride as u32,
+        count: job.count().div_ceil(stride) as u32,
+        from: 0,
+        past: 1,
+        each: 1,
+    }
+}
+
+/// Returns a list for the records of so many paths, and for the order of their points.
+fn records_of(client: &Client, job: &Job, form: Form, paths: usize) -> List {
+    let order = words_of_order(points_of(job, paths));
+    List::room(client, of_path(job, form) * paths + order)
+}
+
 /// Returns the maximum number of points of a path.
 fn points(job: &Job) -> usize {
     job.views.buffers.header()[BOUNCES] as usize + 1
@@ -361,7 +389,7 @@ fn of_path(job: &Job, form: Form) -> usize {
 
 /// Returns approximately the maximum number of derivatives that a launch adds to a sum.
 fn most_derivatives(job: &Job, form: Form, films: &Films, at_once: usize) -> usize {
-    let films = PATHS.min(films.samples as usize);
+    let films = Pace::MOST_SAMPLES.min(films.samples as usize);
     if form.is_forward() {
         // All those of a pixel's points.
         let samples = at_once.div_ceil(job.count());

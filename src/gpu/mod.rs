@@ -35,6 +35,7 @@ mod launch_backward;
 mod loss;
 mod made;
 mod nodes;
+mod pace;
 mod packed;
 mod passes;
 mod path;
