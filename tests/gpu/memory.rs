@@ -70,7 +70,10 @@ fn memory_of_derivatives_is_limited() {
         derive(&device, samples);
         sizes.push(bytes(&device));
     }
-    println!("bytes in use and reserved with 4, 4 and {} samples: {sizes:?}", many());
+    println!(
+        "bytes in use and reserved with 4, 4 and {} samples: {sizes:?}",
+        many()
+    );
     let [[_, first], [used, again], [used_more, more]] = sizes[..] else {
         panic!("three sizes")
     };
@@ -111,7 +114,10 @@ fn memory_is_flat_over_steps() {
         long.push((bytes(&device)[1], by));
     }
     let reserved: Vec<u64> = long.iter().map(|l| l.0).collect();
-    println!("bytes reserved with 8, 8 and {} samples: {reserved:?}", many());
+    println!(
+        "bytes reserved with 8, 8 and {} samples: {reserved:?}",
+        many()
+    );
     assert!(reserved[0] > 4 * reserved_later && reserved[2] < MOST);
     assert_eq!(long[0].1, long[1].1);
 }
