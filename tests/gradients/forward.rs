@@ -7,7 +7,7 @@ use crate::common::errors::{message, says};
 use crate::common::facets::facet_cases;
 use crate::common::gradients::{CONES, Case, SHARP, all_classes, lights};
 use crate::common::numbers::{mean_and_error, norm};
-use crate::common::scenes::floor;
+use crate::common::scenes::{floor, scene_file};
 use crate::common::tensors::{gradient, leaf, tensor, values};
 
 const SIZE: usize = 12;
@@ -285,8 +285,20 @@ fn derivatives_by_a_lens_have_little_noise() {
         .with_samples(samples)
         .with_bounces(0);
     let blocks = size / 8;
-    for (board, limit) in [false, true].into_iter().zip(limits) {
-        let (scene, camera, tangents) = lens(board, &Device::flex());
+    let device = Device::flex();
+    let file = scene_file("lens", &device);
+    let of_file = |v: &[f64]| {
+        let camera = file.camera.clone().with_thin_lens(v[0], v[1]);
+        Ok((file.scene.clone(), camera))
+    };
+    let of_file = Tangent::of_numbers(&[0.2, 5.573], of_file).expect("tangents");
+    let [plain, board] = [false, true].map(|board| lens(board, &device));
+    let scenes = [
+        ("a plain floor", plain, limits[0]),
+        ("the reference", of_file, limits[0]),
+        ("a checkerboard", board, limits[1]),
+    ];
+    for (name, (scene, camera, tangents), limit) in scenes {
         let of_seed = |seed: u64| {
             let options = options.clone().with_seed(seed);
             let all = render_derivative(&scene, &camera, &options, &tangents).expect("derivatives");
@@ -302,11 +314,8 @@ fn derivatives_by_a_lens_have_little_noise() {
             let means: Vec<f64> = a.iter().zip(b).map(|(a, b)| 0.5 * (a + b)).collect();
             let halves: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
             let error = norm(&halves) / 2f64.sqrt() / norm(&means);
-            println!("checkerboard {board}, direction {k}: relative error {error:.4}");
-            assert!(
-                error < limit,
-                "checkerboard {board}, direction {k}: {error}"
-            );
+            println!("{name}, direction {k}: relative error {error:.4}");
+            assert!(error < limit, "{name}, direction {k}: {error}");
         }
     }
 }
