@@ -26,6 +26,9 @@ path = folder / f"{a.table}.json"
 programs = common.Programs(a.only)
 result = {"about": common.about(), "quick": a.quick}
 a.before = json.loads(path.read_text()) if path.exists() else {}
+if a.cases and "earlier" in a.before:
+    # Its rows would be said to be of the last run.
+    parser.error(f"{path} has rows of two runs: measure all cases")
 measured = importlib.import_module(f"tables.{a.table}").measure(programs, a)
 result |= measured | {"seconds": round(time.time() - start)}
 if "kept" in result:

@@ -1,5 +1,6 @@
 //! The backward pass on burn's devices: derivatives are measured, then summed and converted into gradients. Nothing
-//! is read back in between, except for statistics. Forward mode makes the same pass ([`super::directions`]).
+//! is read back in between, except for statistics, and it waits for the device once, where launches are timed. Forward
+//! mode makes the same pass ([`super::directions`]).
 
 use burn::backend::Cube;
 use burn::backend::tensor::FloatTensor;
@@ -124,7 +125,7 @@ impl<'a> Pass<'a> {
         films: &'a Films,
     ) -> Self {
         let of_path = of_path(job, form);
-        let pace = Pace::new(&client, job, of_path);
+        let pace = Pace::new(&client, job, form, of_path);
         // Scales must not depend on time, so that gradients repeat.
         let most = pace.most().min(job.count() * job.samples as usize);
         let bits = bits_of_each(most_derivatives(job, form, films, most) as u64);
@@ -166,11 +167,13 @@ impl<'a> Pass<'a> {
     fn add_all(&mut self) {
         let samples = self.films.samples as usize;
         let mut pieces = self.job.pieces(self.pace.paths());
-        if pieces.len() > 1 && !self.pace.is_known() {
-            let first = pieces.remove(0);
-            let paths = first.threads() as usize;
-            let pace = &self.pace;
-            pace.measure(&self.client, paths, || self.add_piece(first));
+        if pieces.len() > 1 && self.pace.is_unknown() {
+            // The middle of an image has more to see than its top.
+            let timed = pieces.remove(pieces.len() / 2);
+            let paths = timed.threads() as usize;
+            let add = || self.add_paths(timed, &self.sums);
+            self.pace = self.pace.measured(&self.client, paths, add);
+            self.count_searches(timed);
             self.fold();
             pieces = joined(pieces, self.pace.paths() / paths);
             let most = pieces.iter().map(Piece::threads).max().unwrap_or(0) as usize;
@@ -180,12 +183,14 @@ impl<'a> Pass<'a> {
         }
         let mut pieces = pieces.into_iter().peekable();
         while let Some(piece) = pieces.next() {
-            self.add_piece(piece);
+            self.add_paths(piece, &self.sums);
+            self.count_searches(piece);
             if pieces.peek().is_some() {
                 self.fold();
             }
         }
-        // The last piece and the first film samples add to the same replicas, and the last are added where sums become numbers.
+        // The last piece and the first film samples add to the same replicas. Those of the last launch are added where sums
+        // become numbers.
         let at_once = self.pace.samples();
         for first in (0..samples).step_by(at_once) {
             if first > 0 {
@@ -193,11 +198,6 @@ impl<'a> Pass<'a> {
             }
             self.add_film([first, (samples - first).min(at_once), 0], &self.sums);
         }
-    }
-
-    fn add_piece(&self, piece: Piece) {
-        self.add_paths(piece, &self.sums);
-        self.count_searches(piece);
     }
 
     /// Adds the gradients of tensors, made from sums by the table that was sent along, to `gradient`.

@@ -10,11 +10,13 @@ use burn::cubecl::prelude::*;
 use web_time::{Duration, Instant};
 
 use super::device::wait;
+use super::form::Form;
 use super::job::{Job, PATHS};
 
-/// Limit of the duration of a launch's paths and of what is computed from them.
+/// Limit of the time that all kernels together take for the paths of one launch.
 const LIMIT: Duration = Duration::from_millis(100);
-/// Numbers of words of records: the largest, that of a launch whose duration is unknown, and the least.
+/// Numbers of words of records in a launch, unless one path has more: the largest, that of a launch whose time is unknown,
+/// and the least.
 const MOST: usize = 1 << 27;
 const FIRST: usize = 1 << 23;
 const LEAST: usize = 1 << 20;
@@ -28,27 +30,41 @@ fn known() -> MutexGuard<'static, HashMap<u64, f64>> {
 
 /// The number of paths in launches of a job.
 pub(super) struct Pace {
-    /// A hash of the device, the kernels, the number of words of a path's records, and the magnitude of the scene's lists.
+    /// A hash of the device, the kernels, the directions of forward mode, the number of words of a path's records, and the
+    /// magnitude of the scene's lists.
     kind: u64,
     of_path: usize,
     /// The number of words that a list has at most.
     room: usize,
+    /// The number of paths in a launch, if the time of a path is known. It stays the same while others measure.
+    paths: Option<usize>,
 }
 
 impl Pace {
     /// Returns the pace of a job whose paths have records of `of_path` words.
-    pub fn new(client: &Client, job: &Job, of_path: usize) -> Self {
+    pub fn new(client: &Client, job: &Job, form: Form, of_path: usize) -> Self {
         let (views, mut hash) = (&job.views, DefaultHasher::new());
         let size = views.buffers.longest().max(1).ilog2();
         let kernels = (views.features, views.derivatives, job.outputs);
-        (client.service_id(), kernels, of_path, size).hash(&mut hash);
+        let work = (form.directions, of_path, size);
+        (client.service_id(), kernels, work).hash(&mut hash);
         // A quarter of the largest buffer.
         let room = client.properties().memory.max_page_size / 16;
-        Self {
+        let mut this = Self {
             kind: hash.finish(),
             of_path,
             room: usize::try_from(room).unwrap_or(usize::MAX),
-        }
+            paths: None,
+        };
+        let seconds = known().get(&this.kind).copied();
+        this.paths = seconds.map(|seconds| this.within_limit(seconds));
+        this
+    }
+
+    /// Returns the number of paths that take the limit, if one takes so many seconds.
+    fn within_limit(&self, seconds: f64) -> usize {
+        let paths = (LIMIT.as_secs_f64() / seconds) as usize;
+        paths.clamp(self.paths_of(LEAST), self.most())
     }
 
     fn paths_of(&self, words: usize) -> usize {
@@ -65,38 +81,37 @@ impl Pace {
         self.paths_of(FIRST)
     }
 
-    /// Returns whether the time of a path is known. A page in a browser may not wait, so it is never measured there.
-    pub fn is_known(&self) -> bool {
-        cfg!(target_family = "wasm") || known().contains_key(&self.kind)
+    /// Returns whether a launch is to be timed. A page in a browser may not wait, so none is timed there.
+    pub fn is_unknown(&self) -> bool {
+        self.paths.is_none() && !cfg!(target_family = "wasm")
     }
 
     /// Returns the number of paths in a launch.
     pub fn paths(&self) -> usize {
-        match known().get(&self.kind) {
-            Some(seconds) => {
-                ((LIMIT.as_secs_f64() / seconds) as usize).clamp(self.paths_of(LEAST), self.most())
-            }
-            None => self.first(),
-        }
+        self.paths.unwrap_or(self.first())
     }
 
     /// Returns the number of samples of edges on films in a launch.
     pub fn samples(&self) -> usize {
-        match self.is_known() {
-            true => (2 * self.paths()).clamp(PATHS / 8, Self::MOST_SAMPLES),
-            false => PATHS,
+        match self.paths {
+            Some(paths) => (2 * paths).clamp(PATHS / 8, Self::MOST_SAMPLES),
+            None => PATHS,
         }
     }
 
     pub const MOST_SAMPLES: usize = 4 * PATHS;
 
-    /// Measures the time that launches take for a number of paths.
-    pub fn measure(&self, client: &Client, paths: usize, launch: impl FnOnce()) {
+    /// Returns the pace after the time of launches of so many paths was measured.
+    pub fn measured(&self, client: &Client, paths: usize, launch: impl FnOnce()) -> Self {
         wait(client);
         let start = Instant::now();
         launch();
         wait(client);
-        let seconds = start.elapsed().as_secs_f64() / paths.max(1) as f64;
-        known().insert(self.kind, seconds.max(1e-12));
+        let seconds = (start.elapsed().as_secs_f64() / paths.max(1) as f64).max(1e-12);
+        known().insert(self.kind, seconds);
+        Self {
+            paths: Some(self.within_limit(seconds)),
+            ..*self
+        }
     }
 }

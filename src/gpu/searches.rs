@@ -74,9 +74,9 @@ pub(super) fn in_order(words: &[u32], points: usize) -> Vec<Vec<u32>> {
 }
 
 /// Two orders of points behind the records: by searches for shadow edges, and by searches for edges in reflected
-/// light. Points are numbered over all paths of a launch, first the first points of all paths; those of each number begin
-/// with a workgroup of their own. Each block of [`OF_BLOCK`] workgroups (with one thread per point) has its own orders, so that workgroups sum
-/// the counts of all blocks in parallel.
+/// light. Points are numbered over all paths of a launch: the first points of all paths, then the second ones, each in
+/// workgroups of their own. Each block of [`OF_BLOCK`] workgroups (with one thread per point) has its own orders, so that
+/// workgroups sum the counts of all blocks in parallel.
 ///
 /// First come the numbers of searches of each point. Then comes, for each block, order, class and workgroup, the
 /// number of the workgroup's points in the class, which [`add_before`] replaces by the number of the block's points

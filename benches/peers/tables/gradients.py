@@ -78,7 +78,9 @@ def measure(programs, a):
     image = {n: np.linalg.norm(known[n]["error"]) / np.linalg.norm(known[n]["blocks"]) for n in known}
     titles = {n: cases[n]["title"] for n in cases}
     result = {"sigma": SIGMA, "titles": titles, "error of truth": error, "error of truth, image": image, "rows": rows}
-    kept = [r for r in a.before.get("rows", []) if r["case"] not in a.cases] if a.cases else []
+    measured = {(r["case"], r["renderer"]) for r in rows}
+    before = a.before.get("rows", []) if a.cases else []
+    kept = [r for r in before if (r["case"], r["renderer"]) not in measured]
     if kept:
         order = list(cases)
         result["rows"] = sorted(kept + rows, key=lambda r: order.index(r["case"]))
