@@ -20,7 +20,7 @@ fn compiled(log: &Path) -> usize {
 }
 
 /// A hundred steps in which a body changes its form, comes to pass through the floor and leaves it again compile no kernel
-/// after the third.
+/// after the third. A step of a large image then compiles only the kernel that adds the sums of several launches.
 #[test]
 fn a_fit_compiles_its_kernels_in_its_first_steps() {
     let folder = Folder::new("compiled");
@@ -37,13 +37,14 @@ fn a_fit_compiles_its_kernels_in_its_first_steps() {
         .with_object(diffuse(ball.clone(), [0.3, 0.5, 0.6]).with_name("body"));
     let camera = Camera::look_at([0.3, 1.0, 4.0], [0.0, 0.0, 0.0]).with_fov_y(40.0);
     let cache = HierarchyCache::default();
-    let options = RenderOptions::new(8, 8)
-        .with_samples(2)
-        .with_bounces(1)
-        .with_cache(&cache);
+    let options = |size, samples| {
+        RenderOptions::new(size, size)
+            .with_samples(samples)
+            .with_bounces(1)
+            .with_cache(&cache)
+    };
     let waves = (ball.vertices.clone() * 9.0).sin();
-    let mut early = 0;
-    for step in 0..100u32 {
+    let run = |step: u32, options: &RenderOptions| {
         let down = 0.3 * (f64::from(step) / 99.0 * std::f64::consts::PI).sin();
         let down = Tensor::<1>::from_floats([0.0, -down as f32, 0.0], &device);
         let vertices = ball.vertices.clone() + waves.clone() * (0.001 * f64::from(step));
@@ -61,11 +62,11 @@ fn a_fit_compiles_its_kernels_in_its_first_steps() {
                 .iter()
                 .all(|g| g.is_finite())
         );
-        if step == 2 {
-            early = compiled(Path::new(&log));
-        }
-    }
-    let all = compiled(Path::new(&log));
-    println!("{early} kernels in three steps, {all} in a hundred");
-    assert!(early > 10 && all == early);
+        compiled(Path::new(&log))
+    };
+    let counts: Vec<usize> = (0..100).map(|step| run(step, &options(8, 2))).collect();
+    let large = run(99, &options(64, 40));
+    println!("kernels: {counts:?}, with a large image {large}");
+    let early = counts[2];
+    assert!(early > 10 && counts[99] == early && large <= early + 1);
 }
