@@ -81,15 +81,14 @@ impl Piece {
     }
 }
 
-/// Joins pieces of the same pixels, at most `most` of them into one.
-pub(super) fn joined(pieces: Vec<Piece>, most: usize) -> Vec<Piece> {
-    let samples = pieces.first().map_or(1, |piece| piece.past - piece.from);
+/// Joins pieces of the same pixels whose samples follow each other, to pieces of at most so many paths.
+pub(super) fn joined(pieces: Vec<Piece>, paths: usize) -> Vec<Piece> {
     let mut all: Vec<Piece> = Vec::new();
     for piece in pieces {
         match all.last_mut() {
             Some(last)
                 if (last.first, last.past) == (piece.first, piece.from)
-                    && (piece.past - last.from).div_ceil(samples) as usize <= most =>
+                    && last.count as usize * (piece.past - last.from) as usize <= paths =>
             {
                 last.past = piece.past;
             }

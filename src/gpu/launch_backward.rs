@@ -175,7 +175,7 @@ impl<'a> Pass<'a> {
             self.pace = self.pace.measured(&self.client, paths, add);
             self.count_searches(timed);
             self.fold();
-            pieces = joined(pieces, self.pace.paths() / paths);
+            pieces = joined(pieces, self.pace.paths());
             let most = pieces.iter().map(Piece::threads).max().unwrap_or(0) as usize;
             if most > paths {
                 self.records = records_of(&self.client, self.job, self.form, most);

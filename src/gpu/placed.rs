@@ -44,6 +44,9 @@ const AS_IT_IS: u32 = 1;
 /// The number of triangles by which the typical length of an object's edges is judged.
 const SOME: usize = 256;
 
+/// The bytes of a list that arrive later, or `None` if the device fails.
+type Arriving = Pin<Box<dyn Future<Output = Option<Bytes>> + Send>>;
+
 /// The row of all tracked tensors on a device, from which tensors are placed.
 #[derive(Clone)]
 pub(crate) struct Row(List);
@@ -60,7 +63,7 @@ impl Row {
 }
 
 /// A list on a device that the host reads later.
-pub(crate) struct Reading(Option<Pin<Box<dyn Future<Output = Option<Bytes>> + Send>>>);
+pub(crate) struct Reading(Option<Arriving>);
 
 impl Drop for Reading {
     /// Waits for the device, since CubeCL reuses the memory of copies that are given up while the device writes them.
@@ -73,18 +76,17 @@ impl Reading {
     /// Queues the copy of a list to the host.
     fn of(client: &Client, list: &List) -> Self {
         let (client, handle) = (client.clone(), list.handle.clone());
-        let mut reading: Pin<Box<dyn Future<Output = Option<Bytes>> + Send>> =
-            Box::pin(async move {
-                // This queues the copy. To poll its future waits for it on CUDA.
-                let copy = client.read_async(vec![handle]);
-                let mut queued = false;
-                let polled_again = |_: &mut Context| match std::mem::replace(&mut queued, true) {
-                    true => Poll::Ready(()),
-                    false => Poll::Pending,
-                };
-                poll_fn(polled_again).await;
-                copy.await.ok()?.pop()
-            });
+        let mut reading: Arriving = Box::pin(async move {
+            // This queues the copy. To poll its future waits for it on CUDA.
+            let copy = client.read_async(vec![handle]);
+            let mut queued = false;
+            let polled_again = |_: &mut Context| match std::mem::replace(&mut queued, true) {
+                true => Poll::Ready(()),
+                false => Poll::Pending,
+            };
+            poll_fn(polled_again).await;
+            copy.await.ok()?.pop()
+        });
         let begun = reading.as_mut();
         let begun = begun.poll(&mut Context::from_waker(Waker::noop()));
         debug_assert!(begun.is_pending());

@@ -1,6 +1,7 @@
 //! Accumulation of derivatives in kernels by integer atomics, so that sums do not depend on the order of additions.
 //! Few GPUs support atomic addition of floats, and none in a repeatable order. Threads of a launch add to 64-bit sums
-//! of two words, of which there are several replicas. Before the next launch, or where sums become numbers, these are added to 96-bit sums.
+//! of two words, of which there are several replicas. Before the next launch, or where sums become numbers, these are
+//! added to 96-bit sums.
 //!
 //! A derivative is multiplied by a power of two and rounded. There is one power for each part of a scene, chosen from
 //! the largest derivatives of some of the paths. A derivative so large that a launch might overflow 64 bits is added
