@@ -230,7 +230,8 @@ impl Buffers {
         let placing = self.placing.as_ref();
         let moved = placing.map(|placing| placing.place(client, floats, words));
         let made = &self.made;
-        if made.threads > 0 && (moved.is_some() || both.iter().any(|b| b.shapes)) {
+        let moves = placing.is_some_and(|placing| placing.moves);
+        if made.threads > 0 && (moves || both.iter().any(|b| b.shapes)) {
             launch!(
                 client,
                 made.threads as usize,

@@ -45,8 +45,8 @@ struct Cast {
     ray: Ray,
     /// Hits must be farther than this distance.
     from: f32,
-    /// The margin by which triangles and boxes are enlarged.
-    margin: f32,
+    /// The least distance of a hit from the lines through a triangle's edges: minus the margin.
+    least: f32,
     unseen: Faces,
     /// Whether the first hit ends the traversal, even if it is not the nearest.
     any: bool,
@@ -70,14 +70,14 @@ impl Four {
 
     /// Returns the signed distance of a point from a plane or line.
     fn distance(self, p: V3) -> f32 {
-        self.first().dot(p) + self.w
+        self.x * p.x + (self.y * p.y + (self.z * p.z + self.w))
     }
 }
 
-/// Returns four numbers of a list, which begin at four times `at`. They are loaded at once if the device can. Then they
-/// are in `fours`, where the list begins at `first`.
+/// Returns four numbers of a list. `at` is their place, divided by four, in the list, or after [`start`] in `fours`. They
+/// are loaded at once if the device can.
 #[cube]
-fn four(list: &[f32], fours: Fours, first: u32, at: u32) -> Four {
+fn four(list: &[f32], fours: Fours, at: u32) -> Four {
     let mut four = Four {
         x: 0.0,
         y: 0.0,
@@ -87,7 +87,7 @@ fn four(list: &[f32], fours: Fours, first: u32, at: u32) -> Four {
     #[comptime]
     match fours {
         ComptimeOption::Some(fours) => {
-            let all = fours[(first + at) as usize];
+            let all = fours[at as usize];
             four.x = all.extract(0usize);
             four.y = all.extract(1usize);
             four.z = all.extract(2usize);
@@ -104,49 +104,24 @@ fn four(list: &[f32], fours: Fours, first: u32, at: u32) -> Four {
     four
 }
 
-/// Returns four numbers of a node.
+/// Returns where a list starts for [`four`]: `first` if there are `fours`, in which it starts there, or 0.
 #[cube]
-fn of_node(scene: &Scene, at: u32) -> Four {
-    four(scene.nodes, scene.fours, scene.first_node, at)
-}
-
-/// Returns four numbers of a triangle.
-#[cube]
-fn of_hit(scene: &Scene, at: u32) -> Four {
-    four(scene.hits, scene.fours, scene.first_hit, at)
-}
-
-/// Returns the distance at which a ray hits a triangle, or `limit` if it misses.
-#[cube]
-fn meet(scene: &Scene, index: u32, cast: Cast, limit: f32) -> f32 {
-    let ray = cast.ray;
-    let at = index * comptime!(hit_stride(scene.features.moves) / 4);
-    let mut origin = ray.origin;
-    if comptime!(scene.features.moves) {
-        origin -= of_hit(scene, at + 4).first() * ray.time;
+fn start(fours: Fours, first: u32) -> u32 {
+    let mut start = 0u32;
+    #[comptime]
+    match fours {
+        ComptimeOption::Some(_) => start = first,
+        ComptimeOption::None => {}
     }
-    let plane = of_hit(scene, at);
-    let cosine = plane.first().dot(ray.direction);
-    let mut t = limit;
-    if cosine.abs() > 1e-30 {
-        let distance = -plane.distance(origin) / cosine;
-        if distance > cast.from && distance < limit {
-            let p = origin + ray.direction * distance;
-            let ab = of_hit(scene, at + 1).distance(p);
-            let bc = of_hit(scene, at + 2).distance(p);
-            let ca = of_hit(scene, at + 3).distance(p);
-            t = select(ab.min(bc.min(ca)) > -cast.margin, distance, t);
-        }
-    }
-    t
+    start
 }
 
-/// Returns the distance at which a ray enters a box, or `f32::MAX` if it misses. The ray's origin is given with the
-/// margin added (`above`) and subtracted (`below`).
+/// Returns the distance at which a ray enters a box, or `f32::MAX` if it misses. `above` and `below` are minus the ray's
+/// origin, with the margin added and subtracted, times `inverse`.
 #[cube]
 fn enter(low: V3, high: V3, above: V3, below: V3, inverse: V3, from: f32, limit: f32) -> f32 {
-    let a = (low - above).times(inverse);
-    let b = (high - below).times(inverse);
+    let a = low.times(inverse) + above;
+    let b = high.times(inverse) + below;
     let near = from.max(a.min(b).max_element());
     let most = a.max(b);
     let far = limit.min(most.x).min(most.y).min(most.z);
@@ -164,18 +139,33 @@ fn meet_triangles(
     nearest: &mut Hit,
     #[comptime] selects: bool,
 ) {
+    let (hits, fours, ray) = (scene.hits, scene.fours, cast.ray);
+    let stride = comptime!(hit_stride(scene.features.moves) / 4);
+    let start = start(fours, scene.first_hit);
     let mut k = first;
     while k < past {
-        let t = meet(scene, k, cast, nearest.t);
-        if t < nearest.t {
-            let triangle = scene.hit_numbers[k as usize];
-            if !selects || !cast.unseen.contains(triangle) {
-                let place = cast.ray.origin + cast.ray.direction * t;
-                if !scene.is_open_at(triangle, place, cast.ray.time) {
-                    nearest.t = t;
-                    nearest.triangle = triangle;
-                    if cast.any {
-                        k = past - 1;
+        let at = start + k * stride;
+        let mut origin = ray.origin;
+        if comptime!(scene.features.moves) {
+            origin -= four(hits, fours, at + 4).first() * ray.time;
+        }
+        let plane = four(hits, fours, at);
+        let cosine = plane.first().dot(ray.direction);
+        // This is not a number if the ray is in the plane.
+        let t = -plane.distance(origin) / cosine;
+        if cosine.abs() > 1e-30 && t > cast.from && t < nearest.t {
+            let p = origin + ray.direction * t;
+            let ab = four(hits, fours, at + 1).distance(p);
+            let bc = four(hits, fours, at + 2).distance(p);
+            let ca = four(hits, fours, at + 3).distance(p);
+            if ab.min(bc.min(ca)) > cast.least {
+                let triangle = scene.hit_numbers[k as usize];
+                if !selects || !cast.unseen.contains(triangle) {
+                    let place = ray.origin + ray.direction * t;
+                    if !scene.is_open_at(triangle, place, ray.time) {
+                        nearest.t = t;
+                        nearest.triangle = triangle;
+                        k = select(cast.any, past, k);
                     }
                 }
             }
@@ -226,7 +216,7 @@ pub(super) fn trace(
             limit: ray.limit,
         },
         from: -skipped,
-        margin,
+        least: -margin,
         unseen,
         any,
     };
@@ -240,8 +230,10 @@ pub(super) fn trace(
             safe_inverse(ray.direction.y),
             safe_inverse(ray.direction.z),
         );
-        let above = origin + splat(margin);
-        let below = origin - splat(margin);
+        let above = -(origin + splat(margin)).times(inverse);
+        let below = -(origin - splat(margin)).times(inverse);
+        let (nodes, fours) = (scene.nodes, scene.fours);
+        let start = start(fours, scene.first_node);
         // The end of the stack, which no hit is nearer than.
         let mut top = 0u32;
         memory.stack[0usize] = END;
@@ -250,11 +242,11 @@ pub(super) fn trace(
         while child != END {
             // The threads of a group go on to leaves together.
             while child < LEAF {
-                let at = child - CHILD;
-                let x = of_node(scene, at);
-                let y = of_node(scene, at + 1);
-                let z = of_node(scene, at + 2);
-                let children = of_node(scene, at + 3);
+                let at = start + (child - CHILD);
+                let x = four(nodes, fours, at);
+                let y = four(nodes, fours, at + 1);
+                let z = four(nodes, fours, at + 2);
+                let children = four(nodes, fours, at + 3);
                 let (from, limit) = (cast.from, nearest.t);
                 let low = v3(x.x, y.x, z.x);
                 let high = v3(x.z, y.z, z.z);
@@ -288,9 +280,7 @@ pub(super) fn trace(
                     &mut nearest,
                     selects,
                 );
-                if any && nearest.triangle != NONE {
-                    top = 0;
-                }
+                top = select(any && nearest.triangle != NONE, 0, top);
                 top = last(&memory.distances, top, nearest.t);
                 child = memory.stack[top as usize];
                 top -= 1;

@@ -1,4 +1,4 @@
-//! Vertices, normals and tangents that the device places into the lists of scenes, from the row of all tracked tensors.
+//! Tensors of meshes and materials that the device places into the lists of scenes, from the row of all tracked tensors.
 //! The host reads later how far vertices have moved, and their values on request.
 
 use std::collections::HashSet;
@@ -19,7 +19,8 @@ use crate::geometry::detached;
 use crate::kernel::{KernelScene, View};
 use crate::model::numbers::{is_finite, magnitude};
 use crate::model::triangle::AREA;
-use crate::scene::ParameterId;
+use crate::model::texture::Texture;
+use crate::scene::{CHANNELS, ParameterId};
 use crate::trace::{HEADER, HeaderWord};
 
 /// The ranges of a view's tensors in the row, and in its gradient.
@@ -29,17 +30,16 @@ pub(crate) type TensorPlaces<'a> = &'a [(ParameterId, Range<usize>)];
 pub(crate) type ViewPlaces<'a> = (&'a View, TensorPlaces<'a>, TensorPlaces<'a>);
 
 /// Number of words of a tensor in the table: the number of elements before it in the table, its first element in the
-/// row, the place of its list, and its kind. For vertices, the bits of numbers follow: the center of the scene's frame
-/// as two numbers per axis, 1 over the frame's unit, and 1 over a typical length of edges.
+/// row, its first place in the list, and [`OF_VERTICES`] or the distance between its elements in the list. For vertices,
+/// the bits of numbers follow: the center of the scene's frame as two numbers per axis, 1 over the frame's unit, and 1
+/// over a typical length of edges.
 const OF_TENSOR: usize = 12;
 const CENTER: usize = 4;
 const REST: usize = 7;
 const PER_UNIT: usize = 10;
 const PER_EDGE: usize = 11;
-/// Kinds of tensors: vertices, which lists store in the scene's frame as two numbers, and others, which they store as
-/// they are.
+/// Marks vertices, which lists store in the scene's frame, as two numbers for each.
 const OF_VERTICES: u32 = 0;
-const AS_IT_IS: u32 = 1;
 
 /// The number of triangles by which the typical length of an object's edges is judged.
 const SOME: usize = 256;
@@ -109,6 +109,8 @@ pub(super) struct Placing {
     pub ranges: Vec<Range<usize>>,
     /// Words that are replaced, each behind its place.
     words: Vec<[u32; 2]>,
+    /// Whether vertices are among the tensors.
+    pub moves: bool,
 }
 
 impl Placing {
@@ -126,6 +128,7 @@ impl Placing {
             elements: 0,
             ranges: Vec::new(),
             words,
+            moves: false,
         };
         let mut known = HashSet::new();
         for (&(view, places, _), header) in views.iter().zip(header.chunks(HEADER)) {
@@ -145,33 +148,28 @@ impl Placing {
         [start, length]: [usize; 2],
         header: &[u32],
     ) {
-        use HeaderWord as W;
-        use ParameterId as Id;
-        let (Id::Vertices(i) | Id::Normals(i) | Id::Tangents(i)) = id else {
+        let Some((list, first, apart)) = place_of(scene, id, length) else {
             return;
         };
-        let part = &scene.lists.objects[i];
-        let (list, first, kind) = match id {
-            Id::Vertices(_) => (W::vertices, 6 * part.first_vertex, OF_VERTICES),
-            Id::Normals(_) => (W::normals, 3 * part.first_normal, AS_IT_IS),
-            _ => (W::tangents, 4 * part.first_tangent, AS_IT_IS),
-        };
         let to = header[list as usize] + first as u32;
-        let of_list = if kind == OF_VERTICES {
-            2 * length
-        } else {
-            length
+        self.moves |= apart == OF_VERTICES;
+        let of_list = match apart {
+            OF_VERTICES => 2 * length,
+            _ => apart as usize * length,
         };
         self.ranges.push(to as usize..to as usize + of_list);
         let before = self.elements as u32;
-        self.table.extend([before, start as u32, to, kind]);
+        self.table.extend([before, start as u32, to, apart]);
         let center = scene.frame.center;
         let coarse = center.as_vec3();
         let rest = (center - coarse.as_dvec3()).as_vec3();
         let numbers = [coarse, rest].map(|v| v.to_array());
         let units = [
             1.0 / scene.frame.unit as f32,
-            1.0 / typical_edge(scene, i).max(f32::MIN_POSITIVE),
+            match id {
+                ParameterId::Vertices(i) => 1.0 / typical_edge(scene, i).max(f32::MIN_POSITIVE),
+                _ => 0.0,
+            },
         ];
         let numbers = numbers.as_flattened().iter().chain(&units);
         self.table.extend(numbers.map(|x| x.to_bits()));
@@ -198,6 +196,36 @@ impl Placing {
         );
         Reading::of(client, &found)
     }
+}
+
+/// Returns where a tensor with `length` elements is placed: its list, its first place in it, and [`OF_VERTICES`] or the
+/// distance between its elements. Returns `None` for tensors that the host takes.
+fn place_of(
+    scene: &KernelScene,
+    id: ParameterId,
+    length: usize,
+) -> Option<(HeaderWord, usize, u32)> {
+    use HeaderWord as W;
+    use ParameterId as Id;
+    let objects = &scene.lists.objects;
+    let texels = |texture: Texture| {
+        // Texels of one channel are stored in the first of three.
+        let apart = 3 * texture.width as usize * texture.height as usize / length;
+        (W::texels, 3 * texture.first as usize, apart as u32)
+    };
+    Some(match id {
+        Id::Vertices(i) => (W::vertices, 6 * objects[i].first_vertex, OF_VERTICES),
+        Id::Uvs(i) => (W::uvs, 2 * objects[i].first_uv, 1),
+        Id::Normals(i) => (W::normals, 3 * objects[i].first_normal, 1),
+        Id::Colors(i) => (W::colors, 3 * objects[i].first_color, 1),
+        Id::Tangents(i) => (W::tangents, 4 * objects[i].first_tangent, 1),
+        Id::NormalMap(m) => texels(scene.materials[m].normal_map?),
+        Id::Material(m, channel) => match scene.materials[m].channels[channel.place()].texture {
+            Some(texture) => texels(texture),
+            None => (W::materials, 3 * (CHANNELS * m + channel.place()), 1),
+        },
+        _ => return None,
+    })
 }
 
 /// Returns the typical length of an object's edges, from some of its triangles.
@@ -262,7 +290,7 @@ fn place_tensors(
             lists[to] = new;
             lists[to + 3] = remainder * per_unit;
         } else {
-            lists[(first + i) as usize] = value;
+            lists[(first + i * table[of + 3]) as usize] = value;
         }
         // The bits of any number that is not finite are above all others.
         let bits = select(is_finite(value), moved, magnitude(value));

@@ -1,4 +1,4 @@
-//! Late steps: renders on a GPU that wait for nothing. The device places vertices, normals and tangents into its lists. The
+//! Late steps: renders on a GPU that wait for nothing. The device places tensors of meshes and materials into its lists. The
 //! host works with values that it has read before, and gets to know a render later how far vertices have moved.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -14,7 +14,7 @@ use crate::geometry::{Context, detached};
 use crate::gpu::{Reading, Row, identity_and_strides};
 use crate::kernel::View;
 use crate::scene::{
-    Camera, Detach, Object, Parameter, ParameterId, Projection, Value, Visit, look_at_scene,
+    Camera, Channel, Detach, Object, Parameter, ParameterId, Projection, Value, Visit, look_at_scene,
     visit_camera, visit_scene,
 };
 
@@ -126,7 +126,7 @@ impl Late {
 
 impl Look {
     /// Returns the look of a render, or `None` if the next one can't be late: if tensors are tracked that the device does
-    /// not place, if surfaces move that emit, or on a CPU.
+    /// not place, if surfaces with holes or those that emit change, or on a CPU.
     fn new(batch: &Batch, options: &RenderOptions) -> Option<Self> {
         let placed = batch.on_host.is_none() && !options.adaptive && !options.diagnostics;
         let first = placed.then(|| batch.scenes.first()?.objects.first())??;
@@ -136,6 +136,7 @@ impl Look {
             faces: Vec::new(),
             indices: Vec::new(),
             moving: Vec::new(),
+            mapped: Vec::new(),
             is_right: true,
         };
         let seedless = options.clone().with_seed(0);
@@ -146,11 +147,13 @@ impl Look {
         }
         for scene in &batch.scenes {
             hash.moving.clear();
+            hash.mapped.clear();
             look_at_scene(scene, &mut hash);
             for (i, object) in scene.objects.iter().enumerate() {
                 let named = |v: &(String, Tensor<3>)| v.0 == object.name && v.1.is_tracked();
                 let moves = hash.moving.contains(&i) || batch.vertices.iter().any(named);
-                hash.add_object(object, moves);
+                let mapped = hash.mapped.contains(&i);
+                hash.add_object(object, moves, mapped);
             }
             scene.lights.len().hash(&mut hash.state);
         }
@@ -185,14 +188,15 @@ struct Hash64 {
     device: Device,
     faces: Vec<Arc<Vec<[u32; 3]>>>,
     indices: Vec<Arc<Vec<u32>>>,
-    /// The objects of the scene whose vertices are tracked.
+    /// The objects of the scene whose vertices or uvs are tracked, and those whose uvs are.
     moving: Vec<usize>,
+    mapped: Vec<usize>,
     /// Whether the device places all tracked tensors.
     is_right: bool,
 }
 
 impl Hash64 {
-    fn add_object(&mut self, object: &Object, moves: bool) {
+    fn add_object(&mut self, object: &Object, moves: bool, mapped: bool) {
         let state = &mut self.state;
         let mesh = &object.mesh;
         self.is_right &= mesh.mistake.is_none();
@@ -210,6 +214,7 @@ impl Hash64 {
             let wrap = material.normal_map.as_ref().map(|map| map.wrap);
             format!("{wrap:?}").hash(&mut self.state);
             if let Some(mask) = &material.alpha_mask {
+                self.is_right &= !mapped;
                 format!("{:?} {}", mask.wrap, mask.cutoff).hash(&mut self.state);
                 self.add_constant(&mask.alpha);
             }
@@ -232,7 +237,12 @@ impl Visit for Hash64 {
         match id {
             _ if !tensor.is_tracked() => self.add_constant(tensor),
             Id::Vertices(i) => self.moving.push(i),
-            Id::Normals(_) | Id::Tangents(_) => {}
+            Id::Uvs(i) => {
+                self.moving.push(i);
+                self.mapped.push(i);
+            }
+            Id::Normals(_) | Id::Colors(_) | Id::Tangents(_) | Id::NormalMap(_) => {}
+            Id::Material(_, channel) if channel != Channel::Emission => {}
             _ => self.is_right = false,
         }
     }

@@ -1,7 +1,7 @@
 //! Training steps on a GPU that wait for nothing: the device takes vertices from their tensor, and the host's values are
 //! those of an earlier step.
 
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{Device, Int, Tensor};
 use softray::device::{Work, work};
 use softray::prelude::*;
 
@@ -273,5 +273,70 @@ fn a_light_that_moves_is_read() {
         let (usual, _) = bodies.step(0.0, &reading).expect("an image");
         assert_eq!(work.read_backs, wanted, "step {i}");
         assert!(found == usual, "step {i}");
+    }
+}
+
+/// The device places texture coordinates, vertex colors, constants, textures and normal maps, too.
+#[test]
+fn late_steps_of_materials() {
+    if !alone(late_steps_of_materials) {
+        return;
+    }
+    let bodies = Bodies::new(&device());
+    let globe = shapes::sphere(12, 6, &device()).scaled([0.5; 3]);
+    let globe = globe.translated([-1.2, 0.0, 0.0]);
+    // Tangents that are not given are computed on the host.
+    let tangents = Tensor::from_floats([[1.0, 0.0, 0.0, 1.0]], &device());
+    let corners = vec![[0; 3]; globe.faces.len()];
+    let globe = globe.with_tangents(tangents, corners);
+    let (late, reading) = (options(3), options(1));
+    let step = |i: u64, options: &RenderOptions| {
+        // Each leaf is a wave between `low` and `high`, whose phase moves with the steps.
+        let mut leaves = Vec::new();
+        let mut wave = |count: usize, low: f32, high: f32| {
+            let phases = Tensor::<1, Int>::arange(0..count as i64, &device()).float();
+            let wave = (phases * 1.7 + 0.2 * i as f64).sin();
+            let wave = wave * (0.5 * (high - low)) + 0.5 * (high + low);
+            leaves.push(wave.autodiff().require_grad());
+            leaves.last().expect("a leaf").clone()
+        };
+        let base = ColorTexture::texture(wave(4 * 3 * 3, 0.2, 0.9).reshape([4, 3, 3]));
+        let metallic = wave(1, 0.3, 0.7);
+        let roughness = ScalarTexture::texture(wave(5 * 2, 0.3, 0.7).reshape([5, 2]));
+        let tilts = wave(2 * 2 * 3, 0.5, 1.0).reshape([2, 2, 3]);
+        let mut globe = globe.clone();
+        let uvs = globe.uvs.as_mut().expect("texture coordinates");
+        let [count, _] = uvs.values.dims();
+        uvs.values = uvs.values.clone() + wave(2 * count, 0.0, 0.05).reshape([count, 2]);
+        let material = Material::metallic_roughness(base, metallic, roughness);
+        let globe = Object::new(globe).with_material(material.with_normal_map(tilts, 1.0));
+        let [count, _] = bodies.ball.vertices.dims();
+        let colors = wave(3 * count, 0.3, 0.8).reshape([count, 3]);
+        let ball = bodies
+            .ball
+            .clone()
+            .with_colors(colors, bodies.ball.faces.clone());
+        let ball = Object::new(ball).with_material(Material::diffuse(wave(3, 0.4, 0.9)));
+        let scene = bodies.scene.clone().with_object(globe).with_object(ball);
+        let options = options.clone().with_seed(7 + i);
+        let before = work();
+        let image = render(&scene, &bodies.camera, &options).expect("an image");
+        let gradients = image.radiance.clone().powf_scalar(2.0).sum().backward();
+        let during = work() - before;
+        let by: Vec<Vec<f64>> = leaves.iter().map(|l| gradient(l, &gradients)).collect();
+        ((values(&image.radiance), by), during)
+    };
+    for i in 0..6 {
+        let ((image, by), work) = step(i, &late);
+        let ((wanted, wanted_by), usual) = step(i, &reading);
+        assert_eq!(image, wanted, "step {i}");
+        for (k, (by, wanted)) in by.iter().zip(&wanted_by).enumerate() {
+            assert!(wanted.iter().any(|d| *d != 0.0), "leaf {k}");
+            let off = apart(by, wanted);
+            println!("step {i}, leaf {k}: {off:e}");
+            assert!(off < 1e-6, "step {i}, leaf {k}: {off:e}");
+        }
+        assert_eq!(usual.read_backs, 1);
+        assert_eq!(work.read_backs, u64::from(i == 0), "step {i}: {work:?}");
     }
 }
