@@ -32,6 +32,22 @@ pub(super) struct OnHost {
     pub scenes: Vec<Scene>,
     pub cameras: Vec<Camera>,
     pub vertices: Vec<Tensor<3>>,
+    /// The device and the float type of the batch.
+    pub context: Context,
+}
+
+impl OnHost {
+    /// Returns a batch of these copies.
+    pub fn batch(self, of: &Batch) -> Batch {
+        let views = of.views.iter().zip(&self.cameras);
+        let vertices = of.vertices.iter().zip(&self.vertices);
+        Batch {
+            scenes: self.scenes.clone(),
+            views: views.map(|((s, _), camera)| (*s, camera.clone())).collect(),
+            vertices: vertices.map(|((n, _), v)| (n.clone(), v.clone())).collect(),
+            on_host: Some(self),
+        }
+    }
 }
 
 impl Batch {

@@ -1,5 +1,6 @@
 //! Late steps: renders on a GPU that wait for nothing. The device places tensors of meshes and materials into its lists. The
-//! host works with values that it has read before, and gets to know a render later how far vertices have moved.
+//! host works with values that it has read before, and gets to know a render later how far vertices have moved. Another
+//! thread prepares newer values meanwhile.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
@@ -9,7 +10,8 @@ use burn::tensor::{DType, Device, Tensor};
 use super::batch::Batch;
 use super::cache::HierarchyCache;
 use super::options::RenderOptions;
-use super::standing::{Group, Look, Places, Standing};
+use super::standing::{Group, Look, Places, Preparing, Standing, Views};
+use crate::error::Result;
 use crate::geometry::{Context, detached};
 use crate::gpu::{Reading, Row, identity_and_strides};
 use crate::kernel::View;
@@ -28,13 +30,16 @@ pub(super) struct Late {
     look: Option<Look>,
     age: u32,
     moved: f32,
-    /// Values of the last render's row, which the host takes in place of the present ones.
+    /// Values of the last render's row, which have arrived.
     pub values: Option<Vec<f64>>,
+    /// Views that another thread prepares, and those that it has prepared if they are due.
+    pub preparing: Option<Preparing>,
+    pub views: Option<Result<Views>>,
     /// The data of the last render, which the host takes in place of its own.
     pub standing: Option<Standing>,
     /// The row from which the device places tensors, if the host takes other values.
     pub row: Option<Row>,
-    /// The values of this row, if the next render is to take them.
+    /// The values of this row, if they are to arrive in the next render.
     reading: Option<Reading>,
 }
 
@@ -64,17 +69,24 @@ impl Late {
         if *look != last.look || moved > FAR {
             return this;
         }
+        (this.age, this.moved) = (last.age + 1, moved);
+        this.preparing = last.preparing.take();
         if let Some(reading) = last.values.take() {
             let values = reading.numbers();
             this.values = values.map(|values| values.into_iter().map(f64::from).collect());
-        } else {
-            (this.age, this.moved) = (last.age + 1, moved);
-            this.standing = Some(last);
+            this.age = 0;
+        }
+        if this.age + 1 >= cache.every {
+            this.views = this.preparing.take().and_then(Preparing::finish);
+        }
+        match this.views {
+            Some(_) => this.moved = 0.0,
+            None => this.standing = Some(last),
         }
         this
     }
 
-    /// Lets the device place tensors of a row. Their values are read if they are to arrive in the next render.
+    /// Lets the device place tensors of a row. In one of `every` renders their values are read.
     pub fn place(&mut self, row: &Tensor<1>, cache: &HierarchyCache) {
         if let Some((row, reading)) = Row::new(row, self.age + 1 >= cache.every) {
             (self.row, self.reading) = (Some(row), reading);
@@ -120,6 +132,7 @@ impl Late {
             moved: self.moved,
             moves: moves.collect(),
             values: self.reading,
+            preparing: self.preparing,
         });
     }
 }

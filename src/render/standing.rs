@@ -2,11 +2,19 @@
 
 use std::ops::Range;
 #[cfg(feature = "gpu")]
+use std::panic::resume_unwind;
+#[cfg(feature = "gpu")]
 use std::sync::Arc;
+#[cfg(feature = "gpu")]
+use std::thread::{self, JoinHandle};
 
 #[cfg(feature = "gpu")]
 use burn::tensor::Tensor;
+#[cfg(feature = "gpu")]
+use rayon::ThreadPoolBuilder;
 
+#[cfg(feature = "gpu")]
+use crate::error::Result;
 #[cfg(feature = "gpu")]
 use crate::geometry::Context;
 #[cfg(feature = "gpu")]
@@ -67,6 +75,40 @@ pub(super) struct Standing {
     pub moved: f32,
     /// The longest moves of vertices in the render, one for each group.
     pub moves: Vec<Reading>,
-    /// The values of the row, if the next render is to take them.
+    /// The values of the row, if the host is to prepare views from them.
     pub values: Option<Reading>,
+    pub preparing: Option<Preparing>,
+}
+
+/// Views that another thread prepares, from values of an earlier render, while renders go on without them.
+#[cfg(feature = "gpu")]
+pub(super) struct Preparing(Option<JoinHandle<Result<Views>>>);
+
+/// The views of a batch, and whether all scenes have light.
+#[cfg(feature = "gpu")]
+pub(super) type Views = (Vec<(View, Places)>, bool);
+
+#[cfg(feature = "gpu")]
+impl Preparing {
+    /// Starts a thread, or returns `None` if the system has none left. Its loops run in threads of their own, since those of
+    /// the program may all wait for it.
+    pub fn new(prepare: impl FnOnce() -> Result<Views> + Send + 'static) -> Option<Self> {
+        let pool = ThreadPoolBuilder::new().build().ok()?;
+        let thread = thread::Builder::new().spawn(move || pool.install(prepare));
+        Some(Self(Some(thread.ok()?)))
+    }
+
+    /// Waits for the views.
+    pub fn finish(mut self) -> Option<Result<Views>> {
+        let thread = self.0.take()?;
+        Some(thread.join().unwrap_or_else(|panic| resume_unwind(panic)))
+    }
+}
+
+#[cfg(feature = "gpu")]
+impl Drop for Preparing {
+    /// Waits for the thread, which changes what the cache keeps.
+    fn drop(&mut self) {
+        self.0.take().map(JoinHandle::join);
+    }
 }

@@ -53,7 +53,7 @@ pub(in crate::render) async fn copy(
     last: &HierarchyCache,
     read: impl AsyncFnOnce(Tensor<1>) -> Result<Vec<f64>>,
 ) -> Result<OnHost> {
-    let context = &batch.context()?;
+    let context = batch.context()?;
     let mut cameras: Vec<Camera> = batch.views.iter().map(|v| v.1.clone()).collect();
     // A device with insufficient limits is an error before any kernel runs on it.
     #[cfg(feature = "gpu")]
@@ -69,44 +69,36 @@ pub(in crate::render) async fn copy(
     };
     // The lock is released meanwhile, since other renders may share the cache.
     let mut constants = std::mem::take(&mut *last.constants());
-    let fetched = transfer.fetch(context, &mut constants, identity, read);
+    let fetched = transfer.fetch(&context, &mut constants, identity, read);
     fetched.await?;
     *last.constants() = constants;
     Ok(OnHost {
         scenes,
         cameras,
         vertices,
+        context,
     })
 }
 
 /// Reads and checks the scenes and cameras of a batch.
 fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<HostCamera>)> {
-    let OnHost {
-        scenes,
-        cameras,
-        vertices,
-    } = match &batch.on_host {
+    let on_host = match &batch.on_host {
         Some(on_host) => on_host.clone(),
         None => now(copy(batch, last, async |tensor| host_values(&tensor)))?,
     };
-    let context = &batch.context()?;
-    let mut batch = Batch {
-        scenes,
-        ..batch.clone()
-    };
-    let on_host = batch.vertices.iter_mut().zip(vertices);
-    on_host.for_each(|((_, vertices), on_host)| *vertices = on_host);
+    let context = &on_host.context.clone();
+    let batch = on_host.batch(batch);
     let read = |index: usize| {
         let scene = batch.scene(index, false);
         HostScene::read(&scene, context.clone()).map_err(in_batch("scene", index))
     };
     let hosts = (0..batch.scenes.len()).into_par_iter().map(read);
     let hosts = hosts.collect::<Result<Vec<_>>>()?;
-    let camera = |(index, camera): (usize, &Camera)| {
+    let camera = |(index, (_, camera)): (usize, &(usize, Camera))| {
         let checked = camera.check(None).and_then(|()| HostCamera::new(camera));
         checked.map_err(in_batch("view", index))
     };
-    let cameras = cameras.iter().enumerate().map(camera);
+    let cameras = batch.views.iter().enumerate().map(camera);
     Ok((hosts, cameras.collect::<Result<_>>()?))
 }
 
@@ -158,13 +150,23 @@ pub(super) fn prepare(
     interior: bool,
     chosen: Option<HashSet<ParameterId>>,
 ) -> Result<Prepared> {
+    // What is kept for a late step would keep the last lists from being reused.
+    #[cfg(feature = "gpu")]
+    drop(options.cache.as_ref().map(HierarchyCache::take_standing));
+    prepare_beside(batch, options, interior, chosen)
+}
+
+/// Like [`prepare`], while other renders use what the cache keeps of the last one.
+pub(super) fn prepare_beside(
+    batch: &Batch,
+    options: &RenderOptions,
+    interior: bool,
+    chosen: Option<HashSet<ParameterId>>,
+) -> Result<Prepared> {
     let Visibility::Cone { angle, pixels } = options.form() else {
         unreachable!("the softmax is for tensors");
     };
     let last = options.cache.clone().unwrap_or_default();
-    // What is kept for a late step would keep the last lists from being reused.
-    #[cfg(feature = "gpu")]
-    drop(last.take_standing());
     let (mut hosts, cameras) = stage("read and check", || read(batch, &last))?;
     let context = hosts[0].context.clone();
     let lit = hosts.iter().all(HostScene::has_light);

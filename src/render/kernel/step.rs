@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use burn::tensor::Tensor;
 
-use super::prepare::{Prepared, collect_scenes, copy, prepare};
+use super::prepare::{Prepared, collect_scenes, copy, prepare, prepare_beside};
 use crate::error::Result;
 use crate::geometry::{host_values, now};
 use crate::gpu::ViewPlaces;
@@ -13,23 +13,42 @@ use crate::render::batch::Batch;
 use crate::render::cache::HierarchyCache;
 use crate::render::late::Late;
 use crate::render::options::{RenderOptions, sampler};
-use crate::render::standing::{Group, Places, Standing};
+use crate::render::standing::{Group, Places, Preparing, Standing};
 use crate::scene::Collect;
 
 /// Makes the views of a batch. If the host does not take the present values of tensors, the device places them.
 pub(super) fn prepare_step(batch: &Batch, options: &RenderOptions) -> Result<Prepared> {
     let mut late = Late::new(batch, options);
     let cache = options.cache.clone().unwrap_or_default();
+    if let Some(values) = late.values.take() {
+        late.preparing = prepare_later(with_values(batch, &cache, &values)?, options.clone());
+    }
+    if let Some(views) = late.views.take() {
+        let (views, lit) = views?;
+        let views = views.into_iter().enumerate();
+        let views = views.map(|(index, (view, places))| (as_now(&view, options, index), places));
+        let prepared = Prepared {
+            views: views.collect(),
+            parent: Some(place(batch, &cache, &mut late)),
+            context: batch.context()?,
+            lit,
+            groups: None,
+            late: Late::default(),
+        };
+        return Ok(Prepared { late, ..prepared });
+    }
     if let Some(standing) = late.standing.take() {
         if let Some(prepared) = again(batch, options, &standing, &cache, &mut late) {
             return Ok(Prepared { late, ..prepared });
         }
         late.read();
     }
-    let Some(values) = late.values.take() else {
-        let prepared = prepare(batch, options, true, None)?;
-        return Ok(Prepared { late, ..prepared });
-    };
+    let prepared = prepare(batch, options, true, None)?;
+    Ok(Prepared { late, ..prepared })
+}
+
+/// Copies a batch to the host, with other `values` of its tracked tensors.
+fn with_values(batch: &Batch, cache: &HierarchyCache, values: &[f64]) -> Result<Batch> {
     // The row begins with the batch's vertices, which are copied last.
     let tracked = batch.vertices.iter().filter(|v| v.1.is_tracked());
     let first: usize = tracked.map(|v| v.1.shape().num_elements()).sum();
@@ -40,16 +59,29 @@ pub(super) fn prepare_step(batch: &Batch, options: &RenderOptions) -> Result<Pre
         let (vertices, others) = values.split_at(first);
         Ok([others, vertices].concat())
     };
-    let on_host = now(copy(batch, &cache, take))?;
-    let batch = Batch {
-        on_host: Some(on_host),
-        ..batch.clone()
-    };
-    let prepared = prepare(&batch, options, true, None)?;
-    if let Some(row) = &prepared.parent {
-        late.place(row, &cache);
-    }
-    Ok(Prepared { late, ..prepared })
+    Ok(now(copy(batch, cache, take))?.batch(batch))
+}
+
+/// Lets another thread prepare the views of a batch on the host.
+fn prepare_later(batch: Batch, options: RenderOptions) -> Option<Preparing> {
+    Preparing::new(move || {
+        let prepared = prepare_beside(&batch, &options, true, None)?;
+        Ok((prepared.views, prepared.lit))
+    })
+}
+
+/// Returns a view with the random numbers of a render.
+fn as_now(view: &View, options: &RenderOptions, index: usize) -> View {
+    view.with_sampler(sampler(&options.of_view(index)))
+}
+
+/// Lets the device place the tracked tensors of a batch. Returns their row.
+fn place(batch: &Batch, cache: &HierarchyCache, late: &mut Late) -> Tensor<1> {
+    let mut row = Collect::default();
+    collect_scenes(&mut row, batch);
+    let parent = Tensor::cat(row.rows, 0);
+    late.place(&parent, cache);
+    parent
 }
 
 /// Makes the views again from those of the last render, in its buffers, or returns `None` if these are not on the
@@ -61,14 +93,10 @@ fn again(
     cache: &HierarchyCache,
     late: &mut Late,
 ) -> Option<Prepared> {
-    let mut row = Collect::default();
-    collect_scenes(&mut row, batch);
-    let parent = Tensor::cat(row.rows, 0);
-    late.place(&parent, cache);
+    let parent = place(batch, cache, late);
     let row = late.row.as_ref()?;
     let view = |(index, (view, places)): (usize, &(View, Places))| {
-        let sampler = sampler(&options.of_view(index));
-        (view.with_sampler(sampler), places.clone())
+        (as_now(view, options, index), places.clone())
     };
     let views: Vec<(View, Places)> = last.views.iter().enumerate().map(view).collect();
     let mut buffers = cache.buffers.take(&last.context.device);
