@@ -18,8 +18,8 @@ use super::device::{List, floats, launch};
 use crate::geometry::detached;
 use crate::kernel::{KernelScene, View};
 use crate::model::numbers::{is_finite, magnitude};
-use crate::model::triangle::AREA;
 use crate::model::texture::Texture;
+use crate::model::triangle::AREA;
 use crate::scene::{CHANNELS, ParameterId};
 use crate::trace::{HEADER, HeaderWord};
 

@@ -3,12 +3,12 @@
 
 use crate::cube::*;
 
-/// Defines an operation modulo 2³² for the host and for kernels.
-macro_rules! modulo {
-    ($name:ident, $on_host:ident, $in_kernel:ident) => {
+/// Defines an operation on words for the host and for kernels.
+macro_rules! operation {
+    ($name:ident, $on_host:expr, $in_kernel:ident) => {
         #[inline(always)]
         pub(crate) fn $name(a: u32, b: u32) -> u32 {
-            a.$on_host(b)
+            $on_host(a, b)
         }
 
         #[cfg(feature = "gpu")]
@@ -23,8 +23,15 @@ macro_rules! modulo {
         }
     };
 }
-modulo!(product, wrapping_mul, __expand_mul_method);
-modulo!(total, wrapping_add, __expand_add_method);
+// The product and the sum modulo 2³², and the upper word of the product.
+operation!(product, u32::wrapping_mul, __expand_mul_method);
+operation!(total, u32::wrapping_add, __expand_add_method);
+#[cfg(feature = "gpu")]
+operation!(
+    upper,
+    |a, b| ((u64::from(a) * u64::from(b)) >> 32) as u32,
+    __expand_mul_hi_method
+);
 
 /// Hashes 32 bits by a permutation in which each output bit depends on all input bits (lowbias32, Wellons 2018).
 #[cfg_attr(feature = "gpu", cube)]
@@ -133,18 +140,6 @@ pub(crate) mod mixed {
     fn times(a: Wide, b: Wide) -> Wide {
         let crossed = total(product(a.low, b.high), product(a.high, b.low));
         wide(product(a.low, b.low), total(upper(a.low, b.low), crossed))
-    }
-
-    /// Returns the upper 32 bits of a·b, computed from 16-bit halves.
-    #[cube]
-    fn upper(a: u32, b: u32) -> u32 {
-        let a_low = a & 0xffff;
-        let a_high = a >> 16;
-        let b_low = b & 0xffff;
-        let b_high = b >> 16;
-        let middle = a_high * b_low + ((a_low * b_low) >> 16);
-        let other = a_low * b_high + (middle & 0xffff);
-        a_high * b_high + (middle >> 16) + (other >> 16)
     }
 }
 

@@ -65,29 +65,38 @@ impl HierarchyCache {
         Self::default()
     }
 
-    /// Reads vertices back from a GPU only in one of `renders` renders, and without waiting. This is for training steps that
-    /// move vertices by little; 8 is a good number. With 1, the default, each render waits for its own vertices.
+    /// Reads tracked values back from a GPU only in one of `renders` renders, and without waiting. This is for training steps
+    /// that change materials, or move vertices by little; 8 is a good number. With 1, the default, each render waits for its
+    /// own values.
     ///
-    /// In the other renders the device takes vertices, normals and tangents from their tensors, and computes triangles,
-    /// boxes, edges and their bounds from them. The host reuses what it has prepared: which edges meshes have, the shapes
-    /// of trees, and how many samples an edge on the film has. Images are those of renders that read. Gradients differ by
-    /// noise, since edges are drawn in another order. They miss edges between faces that were in one plane, or had no area,
-    /// at the last reading.
+    /// In the other renders the device takes the values of tracked meshes and materials from their tensors, and computes
+    /// triangles, boxes, edges and their bounds from them. The host reuses what it has prepared: which edges meshes have,
+    /// the shapes of trees, and how many samples an edge on the film has. When values have arrived, another thread prepares
+    /// the same from them. The renders from the next reading on use it, so it is made from values that are at most twice as
+    /// many renders old.
+    ///
+    /// Images are those of renders that read. Gradients differ by noise, since edges are drawn in another order. They miss
+    /// edges that the values before did not have: between faces that were in one plane, or had no area, and with the same
+    /// colors on both sides.
     ///
     /// A render reads and waits, as without this setting, unless
     /// - it is made by [`render`](crate::render::render) or [`render_batch`](crate::render::render_batch) on a GPU of this
     ///   machine, in f32, and by the thread of the render before it,
     /// - the render before it had the same options except the seed, and the same scenes and cameras except the values of
-    ///   tracked vertices, normals and tangents,
+    ///   tracked tensors,
     /// - the graph of the render before it was dropped, and its backward pass has not failed,
-    /// - no other tensors are tracked, and meshes with normal maps have tangents,
-    /// - objects with tracked vertices do not emit light, and intersected no other object at the last reading,
-    /// - no vertex has moved by more than a quarter of a typical edge of its object since the last reading,
+    /// - tracked tensors are those of meshes (vertices, texture coordinates, normals, colors, tangents) and of materials
+    ///   (constants, textures and normal maps, but not emission),
+    /// - meshes with normal maps have tangents,
+    /// - objects with tracked vertices or texture coordinates do not emit light, those with tracked texture coordinates
+    ///   have no alpha mask, and those with tracked vertices intersected no other object,
+    /// - no vertex has moved by more than a quarter of a typical edge of its object since the values in use,
     /// - sampling is not adaptive, and diagnostics are off.
     ///
     /// How far vertices have moved is known one render later, so a render after a far move reads. Values that are not
-    /// finite are an error in the next render that has such values; other mistakes in tracked values (normals of length 0) are
-    /// found at the next reading. Renders on servers ignore this setting.
+    /// finite are an error in the next render that has such values. Other mistakes in tracked values (normals of length 0)
+    /// are an error when the thread that found them is done, also if later values are right. Renders on servers ignore this
+    /// setting.
     ///
     /// ```
     /// use softray::prelude::*;

@@ -16,8 +16,8 @@ use crate::geometry::{Context, detached};
 use crate::gpu::{Reading, Row, identity_and_strides};
 use crate::kernel::View;
 use crate::scene::{
-    Camera, Channel, Detach, Object, Parameter, ParameterId, Projection, Value, Visit, look_at_scene,
-    visit_camera, visit_scene,
+    Camera, Channel, Detach, Object, Parameter, ParameterId, Projection, Value, Visit,
+    look_at_scene, visit_camera, visit_scene,
 };
 
 /// The largest move of a vertex since the host has had its value, divided by a typical length of edges.

@@ -2,7 +2,7 @@
 
 use super::Sequence;
 use super::sampler::Sampler;
-use super::stream::{Dimensions, Four, Stream, number, point_of, scrambled, scrambles};
+use super::stream::{Dimensions, Four, Stream, number, point_of, scrambled, scrambles, x_of, y_of};
 use super::table::{OF_PAIR, PAIRS, points};
 use crate::lanes::{LANES, Record};
 
@@ -50,7 +50,7 @@ pub(crate) fn draw_eight(streams: [&Stream; LANES], what: Dimensions) -> <Four a
     let [of_first, of_second] = [first, second].map(of_pair);
     let [mut coordinates, mut seeds] = [[[0; 4]; LANES]; 2];
     let (mut last, mut rests) = (streams[0], [0; 2]);
-    let (mut point, mut scramble) = ([0; 4], [0; 4]);
+    let (mut points_of_rest, mut scramble) = ([0; 2], [0; 4]);
     for (i, stream) in streams.into_iter().enumerate() {
         let own = [places[i], others[i]];
         if i == 0 || stream.stage != last.stage || own.map(|p| p & SHARED) != rests {
@@ -58,17 +58,14 @@ pub(crate) fn draw_eight(streams: [&Stream; LANES], what: Dimensions) -> <Four a
             let a = point_of(points(), first, rests[0]);
             let b = point_of(points(), second, rests[1]);
             let s = scrambles(stream.stage, what.set);
-            point = [a.x, a.y, b.x, b.y];
+            points_of_rest = [a, b];
             scramble = [s.x, s.y, s.z, s.w];
             last = stream;
         }
-        let [a, b] = own.map(|p| 2 * (p >> 28) as usize);
-        coordinates[i] = [
-            point[0] ^ of_first[a],
-            point[1] ^ of_first[a + 1],
-            point[2] ^ of_second[b],
-            point[3] ^ of_second[b + 1],
-        ];
+        let [a, b] = own.map(|p| (p >> 28) as usize);
+        let a = points_of_rest[0] ^ of_first[a];
+        let b = points_of_rest[1] ^ of_second[b];
+        coordinates[i] = [x_of(a), y_of(a), x_of(b), y_of(b)];
         seeds[i] = scramble;
     }
     let mut numbers = [[0.0; 4]; LANES];

@@ -24,13 +24,6 @@ pub(crate) struct Words {
     pub w: u32,
 }
 
-/// The coordinates of a point in a pair of dimensions, with reversed bits.
-#[apply(record!)]
-pub(crate) struct Coordinates {
-    pub x: u32,
-    pub y: u32,
-}
-
 /// Four dimensions whose numbers are used together: two pairs of the sequence's dimensions.
 ///
 /// At a point, the light of a connection and the light of the continuation are added up. So their numbers may come from
@@ -187,10 +180,10 @@ impl Stream {
         let second = point_of(points, what.second % PAIRS, self.place(what.second / PAIRS));
         let seeds = scrambles(self.stage, what.set);
         Four {
-            x: number(first.x, seeds.x),
-            y: number(first.y, seeds.y),
-            z: number(second.x, seeds.z),
-            w: number(second.y, seeds.w),
+            x: number(x_of(first), seeds.x),
+            y: number(y_of(first), seeds.y),
+            z: number(x_of(second), seeds.z),
+            w: number(y_of(second), seeds.w),
         }
     }
 
@@ -219,17 +212,28 @@ pub(super) fn scrambles(stage: Wide, set: u32) -> Words {
 /// Returns a point in a pair of dimensions: the XOR of the table's entries for the parts of the index.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
-pub(super) fn point_of(points: &[u32], pair: u32, index: u32) -> Coordinates {
+pub(super) fn point_of(points: &[u32], pair: u32, index: u32) -> u32 {
     let first = pair as usize * OF_PAIR;
     let of_pair = &points[first..first + OF_PAIR];
-    let a = ((index >> 28) * 2) as usize;
-    let b = (32 + ((index >> 24) & 15) * 2) as usize;
-    let c = (64 + ((index >> 20) & 15) * 2) as usize;
-    let d = (96 + ((index >> 16) & 15) * 2) as usize;
-    Coordinates {
-        x: of_pair[a] ^ of_pair[b] ^ of_pair[c] ^ of_pair[d],
-        y: of_pair[a + 1] ^ of_pair[b + 1] ^ of_pair[c + 1] ^ of_pair[d + 1],
-    }
+    let a = (index >> 28) as usize;
+    let b = (16 + ((index >> 24) & 15)) as usize;
+    let c = (32 + ((index >> 20) & 15)) as usize;
+    let d = (48 + ((index >> 16) & 15)) as usize;
+    of_pair[a] ^ of_pair[b] ^ of_pair[c] ^ of_pair[d]
+}
+
+/// Returns the first coordinate of a point, with reversed bits.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+pub(super) fn x_of(point: u32) -> u32 {
+    point & 0xffff
+}
+
+/// Returns the second coordinate of a point, with reversed bits.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+pub(super) fn y_of(point: u32) -> u32 {
+    point >> 16
 }
 
 /// Applies Owen scrambling to a number with reversed bits, by a hash (Burley 2020, Vegdahl 2021).

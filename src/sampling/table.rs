@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 
 /// The number of pairs of dimensions, and the words of each pair in the table.
 pub(super) const PAIRS: u32 = 8;
-pub(super) const OF_PAIR: usize = 128;
+pub(super) const OF_PAIR: usize = 64;
 
 /// The number of digits of an index. A digit has four bits.
 const DIGITS: u32 = 4;
@@ -72,15 +72,17 @@ fn coordinate(dimension: u8, place: u32, digit: u8) -> u32 {
     (0..DIGITS).fold(0, |sum, i| sum | of_digit(i))
 }
 
-/// Returns the table of coordinates with reversed bits, for each pair of dimensions and each four bits of the reversed
-/// index. A point is the XOR of the entries for the four parts of its index.
+/// Returns the table of points, for each pair of dimensions and each four bits of the reversed index: two coordinates
+/// with 16 reversed bits each, the first in the lower half. A point is the XOR of the entries for the four parts of its
+/// index.
 pub(crate) fn points() -> &'static [u32] {
     static POINTS: OnceLock<Vec<u32>> = OnceLock::new();
     POINTS.get_or_init(|| {
         let of = |i: u32| {
-            let (pair, place, bits, d) = (i >> 7, (i >> 5) & 3, (i >> 1) & 15, i & 1);
+            let (pair, place, bits) = (i >> 6, (i >> 4) & 3, i & 15);
             let digit = (bits as u8).reverse_bits() >> 4;
-            coordinate((2 * pair + d) as u8, place, digit)
+            let [x, y] = [0, 1].map(|d| coordinate((2 * pair + d) as u8, place, digit));
+            x | y << 16
         };
         (0..PAIRS * OF_PAIR as u32).map(of).collect()
     })

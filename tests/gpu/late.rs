@@ -67,7 +67,9 @@ fn late_steps_wait_for_nothing() {
     let bodies = Bodies::new(&device());
     let (late, reading) = (options(3), options(1));
     // The steps 2 and 5 request values. These arrive in the next step, and steps from 5 and from 8 on use them.
-    let ways = [0.0, 1e-6, 2e-6, 3e-6, 3e-3, 4e-3, 4.001e-3, 4.002e-3, 4.003e-3];
+    let ways = [
+        0.0, 1e-6, 2e-6, 3e-6, 3e-3, 4e-3, 4.001e-3, 4.002e-3, 4.003e-3,
+    ];
     for (i, way) in ways.into_iter().enumerate() {
         let seed = 7 + i as u64;
         let step = |options: &RenderOptions| {
@@ -81,7 +83,11 @@ fn late_steps_wait_for_nothing() {
         assert_eq!(image, wanted, "step {i}");
         // Film samples are drawn in the order that the edges had when the values were read.
         let read_at = [0, 0, 0, 0, 0, 2, 2, 2, 5][i];
-        let limit = if way - ways[read_at] > 1e-4 { 0.2 } else { 3e-7 };
+        let limit = if way - ways[read_at] > 1e-4 {
+            0.2
+        } else {
+            3e-7
+        };
         assert!(off_by < limit, "step {i}: {off_by:e}");
         assert_eq!(usual.read_backs, 1);
         assert_eq!(work.read_backs, u64::from(i == 0), "step {i}");
@@ -337,4 +343,40 @@ fn late_steps_of_materials() {
         assert_eq!(usual.read_backs, 1);
         assert_eq!(work.read_backs, u64::from(i == 0), "step {i}: {work:?}");
     }
+}
+
+/// A normal of length 0 is an error when values that contain it are to be used, and the next render reads.
+#[test]
+fn mistakes_are_found_when_values_are_used() {
+    if !alone(mistakes_are_found_when_values_are_used) {
+        return;
+    }
+    let bodies = Bodies::new(&device());
+    let options = options(2);
+    let reads = |length: f32| {
+        let normals = bodies.ball.vertices.clone() * length;
+        let ball = bodies
+            .ball
+            .clone()
+            .with_normals(normals.autodiff().require_grad());
+        let scene = bodies.scene.clone();
+        let ball = diffuse(ball, [0.3, 0.5, 0.6]).with_name("ball");
+        let before = work();
+        let image = render(&scene.with_object(ball), &bodies.camera, &options);
+        image.map(|image| {
+            image.radiance.sum().backward();
+            (work() - before).read_backs
+        })
+    };
+    for (i, (length, wanted)) in [(1.0, 1), (0.0, 0), (1.0, 0)].into_iter().enumerate() {
+        assert_eq!(reads(length).expect("an image"), wanted, "step {i}");
+    }
+    let message = reads(1.0).expect_err("normals of length 0").to_string();
+    println!("{message}");
+    assert!(
+        message.contains("ball") && message.contains("normals"),
+        "{message}"
+    );
+    assert_eq!(reads(1.0).expect("an image"), 1);
+    assert_eq!(reads(1.0).expect("an image"), 0);
 }
