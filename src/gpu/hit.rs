@@ -48,7 +48,7 @@ struct Cast {
     /// The least distance of a hit from the lines through a triangle's edges: minus the margin.
     least: f32,
     unseen: Faces,
-    /// Whether the first hit ends the traversal, even if it is not the nearest.
+    /// Whether the first hit ends the traversal, even if it is not the nearest. Its distance is then −[`f32::MAX`].
     any: bool,
 }
 
@@ -116,20 +116,29 @@ fn start(fours: Fours, first: u32) -> u32 {
     start
 }
 
-/// Returns the distance at which a ray enters a box, or `f32::MAX` if it misses. `above` and `below` are minus the ray's
-/// origin, with the margin added and subtracted, times `inverse`.
-#[cube]
-fn enter(low: V3, high: V3, above: V3, below: V3, inverse: V3, from: f32, limit: f32) -> f32 {
-    let a = low.times(inverse) + above;
-    let b = high.times(inverse) + below;
-    let near = from.max(a.min(b).max_element());
-    let most = a.max(b);
-    let far = limit.min(most.x).min(most.y).min(most.z);
-    select(near <= far, near, f32::MAX)
+/// Whether a ray meets a box, and the distance at which it enters it.
+#[apply(record!)]
+struct Entry {
+    is_met: bool,
+    distance: f32,
 }
 
-/// Intersects a ray with triangles that are consecutive in the tree, and updates the nearest hit. With `any`, the
-/// first hit ends the loop.
+/// Returns the entry of a ray into a box. `above` and `below` are minus the ray's origin, with the margin added and
+/// subtracted, times `inverse`.
+#[cube]
+fn enter(low: V3, high: V3, above: V3, below: V3, inverse: V3, from: f32, limit: f32) -> Entry {
+    let a = low.times(inverse) + above;
+    let b = high.times(inverse) + below;
+    let distance = from.max(a.min(b).max_element());
+    let most = a.max(b);
+    let far = limit.min(most.x).min(most.y).min(most.z);
+    Entry {
+        is_met: distance <= far,
+        distance,
+    }
+}
+
+/// Intersects a ray with triangles that are consecutive in the tree, and updates the nearest hit.
 #[cube]
 fn meet_triangles(
     scene: &Scene,
@@ -163,9 +172,8 @@ fn meet_triangles(
                 if !selects || !cast.unseen.contains(triangle) {
                     let place = ray.origin + ray.direction * t;
                     if !scene.is_open_at(triangle, place, ray.time) {
-                        nearest.t = t;
+                        nearest.t = select(cast.any, -f32::MAX, t);
                         nearest.triangle = triangle;
-                        k = select(cast.any, past, k);
                     }
                 }
             }
@@ -181,18 +189,18 @@ fn safe_inverse(d: f32) -> f32 {
     1.0 / select(d.abs() < 1e-12, least, d)
 }
 
-/// Returns the place of the last child on the stack whose box is not behind the nearest hit.
+/// Returns the place of the last child on a stack of `top` children whose box is not behind the nearest hit.
 #[cube]
 fn last(distances: &Array<f32>, top: u32, limit: f32) -> u32 {
-    let mut at = top;
+    let mut at = top - 1;
     while distances[at as usize] > limit {
         at -= 1;
     }
     at
 }
 
-/// Returns the nearest hit of a ray. With `any`, it returns any hit, which takes less time. With `selects`, the
-/// triangles in `unseen` are skipped; otherwise no triangle is.
+/// Returns the nearest hit of a ray. With `any`, it returns any hit, without its distance, which takes less time. With
+/// `selects`, the triangles in `unseen` are skipped; otherwise no triangle is.
 #[cube]
 pub(super) fn trace(
     scene: &Scene,
@@ -235,9 +243,9 @@ pub(super) fn trace(
         let (nodes, fours) = (scene.nodes, scene.fours);
         let start = start(fours, scene.first_node);
         // The end of the stack, which no hit is nearer than.
-        let mut top = 0u32;
         memory.stack[0usize] = END;
         memory.distances[0usize] = -f32::MAX;
+        let mut top = 1u32;
         let mut child = CHILD.runtime();
         while child != END {
             // The threads of a group go on to leaves together.
@@ -256,17 +264,18 @@ pub(super) fn trace(
                 let second = enter(low, high, above, below, inverse, from, limit);
                 let one = children.x.to_bits();
                 let other = children.y.to_bits();
-                if first.min(second) < f32::MAX {
-                    child = select(second < first, other, one);
-                    if first.max(second) < f32::MAX {
+                if first.is_met || second.is_met {
+                    child = select(first.is_met, one, other);
+                    if first.is_met && second.is_met {
+                        let swaps = second.distance < first.distance;
+                        child = select(swaps, other, one);
+                        memory.stack[top as usize] = select(swaps, one, other);
+                        memory.distances[top as usize] = first.distance.max(second.distance);
                         top += 1;
-                        memory.stack[top as usize] = select(second < first, one, other);
-                        memory.distances[top as usize] = first.max(second);
                     }
                 } else {
                     top = last(&memory.distances, top, nearest.t);
                     child = memory.stack[top as usize];
-                    top -= 1;
                 }
             }
             if child != END {
@@ -280,10 +289,8 @@ pub(super) fn trace(
                     &mut nearest,
                     selects,
                 );
-                top = select(any && nearest.triangle != NONE, 0, top);
                 top = last(&memory.distances, top, nearest.t);
                 child = memory.stack[top as usize];
-                top -= 1;
             }
         }
     } else {
