@@ -14,8 +14,8 @@ use crate::model::camera::CameraGradient;
 use crate::model::cone::bend;
 use crate::model::connection::Target;
 use crate::model::numbers::is_nonzero;
-use crate::model::{V3, splat};
-use crate::sampling::{EmitterPlace, Four};
+use crate::model::{Four, V3, splat};
+use crate::sampling::EmitterPlace;
 use crate::trace::{
     Arrived, CONE, NONE, Point, PointGradient, RayGradient, Scene, Seen, Sums, add_to_camera,
     emitters_of, leave_backward, light_backward, map_backward, map_of, middle_of, point_backward,

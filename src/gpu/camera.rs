@@ -2,9 +2,10 @@
 
 use crate::cube::*;
 
+use crate::model::Four;
 use crate::model::camera::{Camera, CameraRay, camera_at};
 use crate::model::filter::sample_filter;
-use crate::sampling::{Dimensions, Four, Stream};
+use crate::sampling::{Dimensions, Stream};
 use crate::trace::{Exposure, OF_CONES, OF_PATHS, Scene, exposure, middle_of, sampler};
 
 #[cube]

@@ -63,7 +63,7 @@ impl EdgeTreeAt {
             if child != NONE {
                 let part = bounds_at(floats, self.bounds_of(child));
                 let subtree = part.subtree();
-                put_subtree(floats, (block + i) as usize, &subtree);
+                put_subtree(floats, (block + NODE as u32 * i) as usize, &subtree);
                 all.add_part(&part);
             }
         }

@@ -4,8 +4,8 @@
 use crate::cube::*;
 
 use crate::accel::{CHILD, Hit, LEAF, OTHERS, ROUNDING, hit_stride};
-use crate::model::{V3, splat, v3};
-use crate::trace::{Faces, Fours, NONE, Scene};
+use crate::model::{Four, V3, splat, v3};
+use crate::trace::{Faces, NONE, Scene, four, start_of};
 
 /// Marks the end of the stack: no child.
 const END: u32 = LEAF;
@@ -52,68 +52,10 @@ struct Cast {
     any: bool,
 }
 
-/// Four numbers of a list.
-#[apply(record!)]
-struct Four {
-    x: f32,
-    y: f32,
-    z: f32,
-    w: f32,
-}
-
+/// Returns the signed distance of a point from a plane or line.
 #[cube]
-impl Four {
-    /// Returns the first three numbers.
-    fn first(self) -> V3 {
-        v3(self.x, self.y, self.z)
-    }
-
-    /// Returns the signed distance of a point from a plane or line.
-    fn distance(self, p: V3) -> f32 {
-        self.x * p.x + (self.y * p.y + (self.z * p.z + self.w))
-    }
-}
-
-/// Returns four numbers of a list. `at` is their place, divided by four, in the list, or after [`start`] in `fours`. They
-/// are loaded at once if the device can.
-#[cube]
-fn four(list: &[f32], fours: Fours, at: u32) -> Four {
-    let mut four = Four {
-        x: 0.0,
-        y: 0.0,
-        z: 0.0,
-        w: 0.0,
-    };
-    #[comptime]
-    match fours {
-        ComptimeOption::Some(fours) => {
-            let all = fours[at as usize];
-            four.x = all.extract(0usize);
-            four.y = all.extract(1usize);
-            four.z = all.extract(2usize);
-            four.w = all.extract(3usize);
-        }
-        ComptimeOption::None => {
-            let i = 4 * at as usize;
-            four.x = list[i];
-            four.y = list[i + 1];
-            four.z = list[i + 2];
-            four.w = list[i + 3];
-        }
-    }
-    four
-}
-
-/// Returns where a list starts for [`four`]: `first` if there are `fours`, in which it starts there, or 0.
-#[cube]
-fn start(fours: Fours, first: u32) -> u32 {
-    let mut start = 0u32;
-    #[comptime]
-    match fours {
-        ComptimeOption::Some(_) => start = first,
-        ComptimeOption::None => {}
-    }
-    start
+fn distance(from: Four, p: V3) -> f32 {
+    from.x * p.x + (from.y * p.y + (from.z * p.z + from.w))
 }
 
 /// Whether a ray meets a box, and the distance at which it enters it.
@@ -150,23 +92,23 @@ fn meet_triangles(
 ) {
     let (hits, fours, ray) = (scene.hits, scene.fours, cast.ray);
     let stride = comptime!(hit_stride(scene.features.moves) / 4);
-    let start = start(fours, scene.first_hit);
+    let start = start_of(fours, scene.first_hit);
     let mut k = first;
     while k < past {
         let at = start + k * stride;
         let mut origin = ray.origin;
         if comptime!(scene.features.moves) {
-            origin -= four(hits, fours, at + 4).first() * ray.time;
+            origin -= four(hits, fours, at + 4).vector() * ray.time;
         }
         let plane = four(hits, fours, at);
-        let cosine = plane.first().dot(ray.direction);
+        let cosine = plane.vector().dot(ray.direction);
         // This is not a number if the ray is in the plane.
-        let t = -plane.distance(origin) / cosine;
+        let t = -distance(plane, origin) / cosine;
         if cosine.abs() > 1e-30 && t > cast.from && t < nearest.t {
             let p = origin + ray.direction * t;
-            let ab = four(hits, fours, at + 1).distance(p);
-            let bc = four(hits, fours, at + 2).distance(p);
-            let ca = four(hits, fours, at + 3).distance(p);
+            let ab = distance(four(hits, fours, at + 1), p);
+            let bc = distance(four(hits, fours, at + 2), p);
+            let ca = distance(four(hits, fours, at + 3), p);
             if ab.min(bc.min(ca)) > cast.least {
                 let triangle = scene.hit_numbers[k as usize];
                 if !selects || !cast.unseen.contains(triangle) {
@@ -241,7 +183,7 @@ pub(super) fn trace(
         let above = -(origin + splat(margin)).times(inverse);
         let below = -(origin - splat(margin)).times(inverse);
         let (nodes, fours) = (scene.nodes, scene.fours);
-        let start = start(fours, scene.first_node);
+        let start = start_of(fours, scene.first_node);
         // The end of the stack, which no hit is nearer than.
         memory.stack[0usize] = END;
         memory.distances[0usize] = -f32::MAX;

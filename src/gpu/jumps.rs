@@ -13,16 +13,17 @@ use super::records::Room;
 use super::sums::of_channel;
 use super::walk::Start;
 use crate::accel::Hit;
-use crate::kernel::{DrawnEdge, NO_EDGE, Root, draw_edge};
+use crate::kernel::{Blocks, DrawnEdge, NO_EDGE, Root, draw_edge};
+use crate::model::Four;
 use crate::model::Pair;
 use crate::model::bsdf::normals_differ;
 use crate::model::choice::decided_by;
 use crate::model::jumps::{SEARCH_SETS, mean_searches, most_searches, usual_searches};
-use crate::sampling::{Dimensions, Four, Stream};
+use crate::sampling::{Dimensions, Stream};
 use crate::trace::{
     Approach, EdgeView, Jump, NONE, OF_EDGES, OF_SIDES, Observer, PointGradient, Scene, Search,
     Seen, Sums, beside, edge_point, edge_view, hides, is_crease, jump_at, looks_for_edges,
-    point_at, reflected_backward, sampler, search, shadow_backward, sky,
+    point_at, reflected_backward, sampler, search, shadow_backward, sky, start_of,
 };
 
 /// Returns the mean number of searches of a point. `counts` is the size of the derivative that the point carries,
@@ -92,10 +93,20 @@ impl Searches {
 #[cube]
 fn root_of<'a>(scene: &Scene<'a>, tree: u32, #[comptime] has_nodes: bool) -> Root<'a> {
     let list = &scene.edge_trees[(OF_TREE * tree) as usize..];
+    let nodes = Blocks::<'a> {
+        list: scene.edge_nodes,
+        fours: scene.fours,
+        first: start_of(scene.fours, scene.first_edge_node),
+    };
+    let leaves = Blocks::<'a> {
+        list: &scene.edge_leaves[list[0] as usize..],
+        fours: scene.fours,
+        first: start_of(scene.fours, scene.first_edge_leaf + list[0] / 4),
+    };
     Root::<'a> {
-        nodes: scene.edge_nodes,
+        nodes,
         children: scene.edge_children,
-        leaves: &scene.edge_leaves[list[0] as usize..],
+        leaves,
         edges: &scene.edges_of_leaves[list[1] as usize..],
         start: list[2],
         count: list[3],

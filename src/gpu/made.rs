@@ -180,12 +180,12 @@ fn make_leaf(floats: &mut [f32], words: &[u32], at: At, tree: EdgeTreeAt, scene:
             let first = words[(at.of_edges + OF_EDGE as u32 * index) as usize];
             let seen = seen_edge(floats, words, at, index, first);
             let v = velocity(floats, words, at, first);
-            put_edge(floats, (block + lane) as usize, &seen, v);
+            put_edge(floats, (block + LEAF as u32 * lane) as usize, &seen, v);
             bounds.add_edge(&seen, v);
         }
     }
     if leaf < tree.bounded {
-        let bounds = bounds.over_leaf(floats, block as usize);
+        let bounds = bounds.over_leaf(floats, block as usize, LEAF);
         tree.put_leaf(floats, leaf, &bounds);
     }
 }

@@ -16,8 +16,8 @@ use crate::model::cone::{self, Bend};
 use crate::model::connection::{ConeKernel, Connection};
 use crate::model::filter::{filter_between, filter_entries, filter_place, uniform_disk};
 use crate::model::triangle::{Plane, Triangle, uniform_point};
-use crate::model::{V2, V3};
-use crate::sampling::{Choosing, Chosen, EmitterLists, EmitterTriangle, Four, Receiver};
+use crate::model::{Four, V2, V3};
+use crate::sampling::{Choosing, Chosen, EmitterLists, EmitterTriangle, Receiver};
 use crate::trace::{HitTriangle, Leaving, Point, leave_sharply, on_plane, plain_point, target_on};
 
 /// The lanes of a record.

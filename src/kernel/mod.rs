@@ -28,7 +28,8 @@ mod walk;
 pub(crate) use boundary::{FilmEdges, PixelGradients};
 #[cfg(feature = "gpu")]
 pub(crate) use edges::{
-    Bounds, DrawnEdge, LEAF, NO_EDGE, NODE, Root, TreeShape, draw_edge, put_edge, put_subtree,
+    Blocks, Bounds, DrawnEdge, LEAF, NO_EDGE, NODE, Root, TreeShape, draw_edge, put_edge,
+    put_subtree,
 };
 pub(crate) use edges::{EdgeSets, LastEdges};
 #[cfg(feature = "gpu")]

@@ -11,8 +11,8 @@ use super::walk::{Level, PathBlock, Walk, Walks, Way, Work};
 use crate::accel::{Hit, HitRay, NOTHING, stage};
 use crate::lanes::{LANES, Record};
 use crate::model::triangle::{Plane, Triangle};
-use crate::model::{V2, V3, v2};
-use crate::sampling::{Dimensions, Four, Stream, draw_eight};
+use crate::model::{Four, V2, V3, v2};
+use crate::sampling::{Dimensions, Stream, draw_eight};
 use crate::trace::{HitTriangle, Point, emitted, hit_triangle, leave, middle_of, point_at, sky};
 
 impl PathBlock<'_> {

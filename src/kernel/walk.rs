@@ -9,8 +9,8 @@ use crate::accel::{Hit, HitRay, NOTHING};
 use crate::lanes::Block;
 use crate::model::bsdf::Scatter;
 use crate::model::camera::CameraRay;
-use crate::model::{V2, V3};
-use crate::sampling::{EmitterKinds, Four, Met, Stream};
+use crate::model::{Four, V2, V3};
+use crate::sampling::{EmitterKinds, Met, Stream};
 pub(crate) use crate::trace::Seen;
 use crate::trace::{Arrived, Leaving, Point, PointGradient, RayGradient, Scene, albedo_of};
 

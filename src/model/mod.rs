@@ -34,4 +34,4 @@ pub(crate) mod triangle;
 
 mod vector;
 
-pub(crate) use vector::{Pair, V2, V3, component, select_vector, splat, v2, v3};
+pub(crate) use vector::{Four, Pair, V2, V3, component, select_vector, splat, v2, v3};

@@ -24,6 +24,25 @@ pub(crate) struct V2 {
     pub y: f32,
 }
 
+/// Four numbers.
+#[apply(zeroed!)]
+#[derive(PartialEq)]
+pub(crate) struct Four {
+    pub x: f32,
+    pub y: f32,
+    pub z: f32,
+    pub w: f32,
+}
+
+#[cfg_attr(feature = "gpu", cube)]
+impl Four {
+    /// Returns the first three numbers.
+    #[inline(always)]
+    pub fn vector(self) -> V3 {
+        v3(self.x, self.y, self.z)
+    }
+}
+
 /// Two vectors.
 #[apply(zeroed!)]
 #[derive(PartialEq)]

@@ -18,5 +18,5 @@ pub(crate) use numbers::draw_eight;
 pub(crate) use sampler::LENGTH;
 pub(crate) use sampler::Sampler;
 pub use strategies::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
-pub(crate) use stream::{Dimensions, Four, Stream};
+pub(crate) use stream::{Dimensions, Stream};
 pub(crate) use table::points;

@@ -2,9 +2,10 @@
 
 use super::Sequence;
 use super::sampler::Sampler;
-use super::stream::{Dimensions, Four, Stream, number, point_of, scrambled, scrambles, x_of, y_of};
+use super::stream::{Dimensions, Stream, number, point_of, scrambled, scrambles, x_of, y_of};
 use super::table::{OF_PAIR, PAIRS, points};
 use crate::lanes::{LANES, Record};
+use crate::model::Four;
 
 /// The bits of a shuffled index that neighbors in a sequence share.
 const SHARED: u32 = u32::MAX >> 4;

@@ -3,17 +3,8 @@
 use super::Sequence;
 use super::table::{OF_PAIR, PAIRS};
 use crate::cube::*;
+use crate::model::Four;
 use crate::model::integers::{Wide, mixed, product, total, wide};
-
-/// Four random numbers.
-#[apply(zeroed!)]
-#[derive(PartialEq)]
-pub(crate) struct Four {
-    pub x: f32,
-    pub y: f32,
-    pub z: f32,
-    pub w: f32,
-}
 
 /// Four words.
 #[apply(record!)]

@@ -23,6 +23,8 @@ mod edge_sides;
 mod features;
 mod film;
 mod film_pieces;
+#[cfg(feature = "gpu")]
+mod fours;
 mod jumps;
 mod leaving;
 mod lights;
@@ -43,6 +45,8 @@ pub(crate) use edge_sides::*;
 pub(crate) use features::{Derivatives, Features};
 pub(crate) use film::*;
 pub(crate) use film_pieces::*;
+#[cfg(feature = "gpu")]
+pub(crate) use fours::*;
 pub(crate) use jumps::*;
 pub(crate) use leaving::*;
 pub(crate) use lights::*;

@@ -12,6 +12,8 @@ use crate::model::{V3, camera, splat};
 use crate::scene::Channel;
 
 use super::Features;
+#[cfg(feature = "gpu")]
+use super::Fours;
 
 /// Defines the struct of all lists and numbers, and their positions in the header that a view has in a buffer of
 /// words.
@@ -28,14 +30,18 @@ macro_rules! lists {
             $($(#[$of_float])* pub $float: &'a [f32],)*
             $($(#[$of_word])* pub $word: &'a [u32],)*
             $($(#[$of_number])* pub $number: u32,)*
-            /// All floats of the buffer by four, if they can be loaded so, and where the nodes and triangles for rays
-            /// begin in them.
+            /// All floats of the buffer by four, if they can be loaded so, and where nodes, triangles for rays, and the
+            /// nodes and leaves of trees over edges begin in them.
             #[cfg(feature = "gpu")]
             pub fours: Fours<'a>,
             #[cfg(feature = "gpu")]
             pub first_node: u32,
             #[cfg(feature = "gpu")]
             pub first_hit: u32,
+            #[cfg(feature = "gpu")]
+            pub first_edge_node: u32,
+            #[cfg(feature = "gpu")]
+            pub first_edge_leaf: u32,
             #[cfg_attr(feature = "gpu", cube(comptime))]
             pub features: Features,
         }
@@ -94,6 +100,8 @@ macro_rules! lists {
                     fours,
                     first_node: header[comptime!(HeaderWord::nodes as usize)] / 4,
                     first_hit: header[comptime!(HeaderWord::hits as usize)] / 4,
+                    first_edge_node: header[comptime!(HeaderWord::edge_nodes as usize)] / 4,
+                    first_edge_leaf: header[comptime!(HeaderWord::edge_leaves as usize)] / 4,
                     features,
                 }
             }
@@ -227,10 +235,6 @@ lists! {
         sample_blocks,
     }
 }
-
-/// A list of floats by four.
-#[cfg(feature = "gpu")]
-pub(crate) type Fours<'a> = ComptimeOption<&'a [Vector<f32, Const<4>>]>;
 
 /// Number of words of a header.
 #[cfg(feature = "gpu")]

@@ -11,10 +11,11 @@ use crate::kernel::path::drawn_by;
 use crate::kernel::shares::{REFLECTED, SEARCH, SHADOWS};
 use crate::kernel::walk::{Back, Level, Path, Work};
 use crate::lanes::{LANES, Record};
+use crate::model::Four;
 use crate::model::choice::{Uniform, decided_by};
 use crate::model::edge_weight::Query;
 use crate::model::jumps::{SEARCH_SETS, counts_of, mean_searches, most_searches};
-use crate::sampling::{Dimensions, Four, Stream};
+use crate::sampling::{Dimensions, Stream};
 use crate::trace::{
     Approach, EdgeView, Jump, OF_EDGES, OF_SIDES, Observer, Search, edge_point, edge_view, jump_at,
     looks_for_edges, reflected_backward, sampler, search, shadow_backward,

@@ -1,7 +1,7 @@
 //! Bounds of edges: a box, a cone of normals, and sums of jumps. GPUs compute them by the same formulas.
 
 use super::Edges;
-use super::draw::{fold_of_lane, normals_of_lane};
+use super::draw::{stored_fold, stored_normals};
 use crate::accel::LANES;
 use crate::cube::*;
 use crate::kernel::scene::KernelScene;
@@ -139,15 +139,15 @@ impl Bounds {
     }
 
     /// Returns the bounds with the cone around all normals of the added edges, which are those of a leaf. Its block
-    /// begins at the index `first` of a list.
-    pub fn over_leaf(&self, leaves: &mut [f32], first: usize) -> Bounds {
+    /// begins at the index `first` of a list, and the edges in it are `apart` places from each other.
+    pub fn over_leaf(&self, leaves: &mut [f32], first: usize, apart: usize) -> Bounds {
         let axis = self.axis();
         let mut sin_half = 0.0f32;
         for i in 0..repeated(LANES, 0u32.runtime()) {
-            let normals: Pair = normals_of_lane(leaves, first + i);
+            let normals: Pair = stored_normals(leaves, first + apart * i);
             let front = sin_half_between(normals.first, axis);
             let back = sin_half_between(normals.second, axis);
-            let fold = fold_of_lane(leaves, first + i);
+            let fold = stored_fold(leaves, first + apart * i);
             sin_half = max(sin_half, select(fold > 0.0, max(front, back), 0.0));
         }
         self.with_cone(sin_half)

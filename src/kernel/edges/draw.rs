@@ -6,23 +6,24 @@
     reason = "the language of kernels has no other form"
 )]
 
+use super::blocks::{Blocks, block_at, four_of, place_of};
 use crate::accel::LANES;
-use crate::accel::eights::{number, sum_of, vector, weight};
+use crate::accel::eights::{sum_of, weight};
 use crate::cube::*;
 use crate::model::choice::{Uniform, is_positive};
 use crate::model::edge_weight::{Jumps, Query, SeenEdge, Subtree};
-use crate::model::{Pair, V3, v3};
+use crate::model::{Four, Pair, V3, v3};
 
 /// A tree over edges, the part of a tree below a node, or a list of leaves.
 #[cfg_attr(feature = "gpu", derive(CubeType))]
 #[derive(Clone, Copy)]
 pub(crate) struct Root<'a> {
-    /// Blocks of the bounds of eight branches, with [`NODE`] numbers each, and (in `children`) the child of each
-    /// branch: 2 × the index of a node, or 2 × the index of a leaf + 1. Missing branches have no weight.
-    pub nodes: &'a [f32],
+    /// The bounds of branches, with [`NODE`] numbers each, and (in `children`) the child of each branch: 2 × the index of
+    /// a node, or 2 × the index of a leaf + 1. Missing branches have no weight.
+    pub nodes: Blocks<'a>,
     pub children: &'a [u32],
-    /// Blocks of eight edges, with [`LEAF`] numbers each, and (in `edges`) the indices of these edges.
-    pub leaves: &'a [f32],
+    /// The edges of leaves, with [`LEAF`] numbers each, and (in `edges`) the indices of these edges.
+    pub leaves: Blocks<'a>,
     pub edges: &'a [u32],
     /// The child at which a draw starts, and the number of such children. If they are leaves, they are consecutive.
     pub start: u32,
@@ -45,15 +46,16 @@ pub(crate) struct DrawnEdge {
 
 pub(crate) const NO_EDGE: u32 = u32::MAX;
 
-/// The numbers of a branch of a node: center, radius, axis, cosine, sine, jumps.
-pub(crate) const NODE: usize = 14;
-/// The numbers of an edge of a leaf: middle, half the length, vector along, both normals, jumps, velocity.
-pub(crate) const LEAF: usize = 21;
-const JUMPS_OF_NODE: usize = 9;
-const FRONT: usize = 7;
-const BACK: usize = 10;
-const JUMPS_OF_LEAF: usize = 13;
-const VELOCITY: usize = 18;
+/// The numbers of a branch of a node, in fours: center and radius, axis and cosine, sine and jumps.
+pub(crate) const NODE: usize = 16;
+/// The numbers of an edge of a leaf, in fours: middle and half the length, both normals, each with a jump, the other jumps,
+/// the vector along the edge, and its velocity.
+pub(crate) const LEAF: usize = 24;
+const FRONT: usize = 4;
+const BACK: usize = 8;
+const FOLD: usize = 7;
+const ALONG: usize = 16;
+const VELOCITY: usize = 20;
 
 /// The largest number of nodes of which several children may be entered, and the sine of the viewing angle above which
 /// a subtree is entered.
@@ -74,129 +76,128 @@ const ENTERED: u32 = 64;
 
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
-fn jumps_of(block: &[f32], k: usize, branch: usize) -> Jumps {
-    Jumps {
-        seen_always: number(block, k, branch),
-        passes_always: number(block, k + 1, branch),
-        fold: number(block, k + 2, branch),
-        crease: number(block, k + 3, branch),
-        closed: number(block, k + 4, branch),
-    }
-}
-
-#[cfg_attr(feature = "gpu", cube)]
-#[inline(always)]
-fn subtree(block: &[f32], branch: usize) -> Subtree {
+fn subtree(block: &Blocks, branch: usize) -> Subtree {
+    let of_place: Four = four_of(block, NODE, branch, 0usize);
+    let of_axis: Four = four_of(block, NODE, branch, 1usize);
+    let of_folds: Four = four_of(block, NODE, branch, 2usize);
+    let others: Four = four_of(block, NODE, branch, 3usize);
     Subtree {
-        center: vector(block, 0, branch),
-        radius: number(block, 3, branch),
-        axis: vector(block, 4, branch),
-        cos: number(block, 7, branch),
-        sin: number(block, 8, branch),
-        jumps: jumps_of(block, JUMPS_OF_NODE, branch),
+        center: of_place.vector(),
+        radius: of_place.w,
+        axis: of_axis.vector(),
+        cos: of_axis.w,
+        sin: of_folds.x,
+        jumps: Jumps {
+            seen_always: others.x,
+            passes_always: others.y,
+            fold: of_folds.y,
+            crease: of_folds.z,
+            closed: of_folds.w,
+        },
     }
 }
 
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
-fn seen_edge(tree: &Root, block: &[f32], branch: usize, q: &Query) -> SeenEdge {
-    let mut to = vector(block, 0, branch) - q.x;
+fn seen_edge(tree: &Root, block: &Blocks, branch: usize, q: &Query) -> SeenEdge {
+    let of_place: Four = four_of(block, LEAF, branch, 0usize);
+    let front: Four = four_of(block, LEAF, branch, FRONT / 4);
+    let back: Four = four_of(block, LEAF, branch, BACK / 4);
+    let others: Four = four_of(block, LEAF, branch, 3usize);
+    let along: Four = four_of(block, LEAF, branch, ALONG / 4);
+    let mut to = of_place.vector() - q.x;
     if comptime!(tree.moves) {
-        to += vector(block, VELOCITY, branch) * q.time;
+        let velocity: Four = four_of(block, LEAF, branch, VELOCITY / 4);
+        to += velocity.vector() * q.time;
     }
     SeenEdge {
         to,
-        half: number(block, 3, branch),
-        along: vector(block, 4, branch),
-        front: vector(block, FRONT, branch),
-        back: vector(block, BACK, branch),
-        jumps: jumps_of(block, JUMPS_OF_LEAF, branch),
+        half: of_place.w,
+        along: along.vector(),
+        front: front.vector(),
+        back: back.vector(),
+        jumps: Jumps {
+            seen_always: others.x,
+            passes_always: others.y,
+            fold: front.w,
+            crease: back.w,
+            closed: others.z,
+        },
     }
 }
 
-/// Stores a vector in a lane of a block, from number `k` on.
+/// Stores four numbers of an edge, or of a branch, from number `k` on. `first` is the place of its first number.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
-fn put(list: &mut [f32], lane: usize, k: usize, v: V3) {
-    list[lane + LANES * k] = v.x;
-    list[lane + LANES * (k + 1)] = v.y;
-    list[lane + LANES * (k + 2)] = v.z;
+fn put(list: &mut [f32], first: usize, k: usize, v: V3, w: f32) {
+    list[place_of(first, k)] = v.x;
+    list[place_of(first, k + 1)] = v.y;
+    list[place_of(first, k + 2)] = v.z;
+    list[place_of(first, k + 3)] = w;
 }
 
-/// Stores the jumps of an edge, or of a node, in a lane of a block, from number `k` on.
+/// Stores an edge: as seen from the origin at the start of the shutter, with its displacement over the shutter.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
-fn put_jumps(list: &mut [f32], lane: usize, k: usize, jumps: &Jumps) {
-    let at = lane + LANES * k;
-    list[at] = jumps.seen_always;
-    list[at + LANES] = jumps.passes_always;
-    list[at + LANES * 2] = jumps.fold;
-    list[at + LANES * 3] = jumps.crease;
-    list[at + LANES * 4] = jumps.closed;
+pub(crate) fn put_edge(list: &mut [f32], first: usize, e: &SeenEdge, velocity: V3) {
+    let jumps = e.jumps;
+    let others = v3(jumps.seen_always, jumps.passes_always, jumps.closed);
+    put(list, first, 0usize, e.to, e.half);
+    put(list, first, FRONT, e.front, jumps.fold);
+    put(list, first, BACK, e.back, jumps.crease);
+    put(list, first, 12usize, others, 0.0);
+    put(list, first, ALONG, e.along, 0.0);
+    put(list, first, VELOCITY, velocity, 0.0);
 }
 
-/// Stores an edge in a lane of a leaf's block: as seen from the origin at the start of the shutter, with its
-/// displacement over the shutter.
+/// Stores the bounds of a branch.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
-pub(crate) fn put_edge(list: &mut [f32], lane: usize, e: &SeenEdge, velocity: V3) {
-    put(list, lane, 0usize, e.to);
-    list[lane + LANES * 3] = e.half;
-    put(list, lane, 4usize, e.along);
-    put(list, lane, FRONT, e.front);
-    put(list, lane, BACK, e.back);
-    put_jumps(list, lane, JUMPS_OF_LEAF, &e.jumps);
-    put(list, lane, VELOCITY, velocity);
+pub(crate) fn put_subtree(list: &mut [f32], first: usize, s: &Subtree) {
+    let jumps = s.jumps;
+    let of_folds = v3(s.sin, jumps.fold, jumps.crease);
+    put(list, first, 0usize, s.center, s.radius);
+    put(list, first, 4usize, s.axis, s.cos);
+    put(list, first, 8usize, of_folds, jumps.closed);
+    let others = v3(jumps.seen_always, jumps.passes_always, 0.0);
+    put(list, first, 12usize, others, 0.0);
 }
 
-/// Stores the bounds of a branch in a lane of a node's block.
+/// Returns a vector of an edge, from number `k` on.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
-pub(crate) fn put_subtree(list: &mut [f32], lane: usize, s: &Subtree) {
-    put(list, lane, 0usize, s.center);
-    list[lane + LANES * 3] = s.radius;
-    put(list, lane, 4usize, s.axis);
-    list[lane + LANES * 7] = s.cos;
-    list[lane + LANES * 8] = s.sin;
-    put_jumps(list, lane, JUMPS_OF_NODE, &s.jumps);
-}
-
-/// Returns a vector that was stored in a lane of a block, from number `k` on.
-#[cfg_attr(feature = "gpu", cube)]
-#[inline(always)]
-fn stored(list: &mut [f32], lane: usize, k: usize) -> V3 {
+fn stored(list: &mut [f32], first: usize, k: usize) -> V3 {
     v3(
-        list[lane + LANES * k],
-        list[lane + LANES * (k + 1)],
-        list[lane + LANES * (k + 2)],
+        list[place_of(first, k)],
+        list[place_of(first, k + 1)],
+        list[place_of(first, k + 2)],
     )
 }
 
-/// Returns the normals of the faces of an edge that was stored in a lane of a leaf's block.
+/// Returns the normals of the faces of an edge that was stored.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
-pub(super) fn normals_of_lane(list: &mut [f32], lane: usize) -> Pair {
+pub(super) fn stored_normals(list: &mut [f32], first: usize) -> Pair {
     Pair {
-        first: stored(list, lane, FRONT),
-        second: stored(list, lane, BACK),
+        first: stored(list, first, FRONT),
+        second: stored(list, first, BACK),
     }
 }
 
-/// Returns the jump as a silhouette of an edge that was stored in a lane of a leaf's block.
+/// Returns the jump as a silhouette of an edge that was stored.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
-pub(super) fn fold_of_lane(list: &mut [f32], lane: usize) -> f32 {
-    list[lane + LANES * (JUMPS_OF_LEAF + 2)]
+pub(super) fn stored_fold(list: &mut [f32], first: usize) -> f32 {
+    list[place_of(first, FOLD)]
 }
 
 /// Computes the weights of the branches of a node, and whether each is to be entered.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn weigh_node(tree: &Root, node: usize, q: &Query, large: f32, room: &mut [u32]) {
-    let first = LANES * NODE * node;
-    let block = &tree.nodes[first..first + LANES * NODE];
+    let block: Blocks = block_at(&tree.nodes, NODE, node);
     for i in 0..repeated(LANES, tree.count) {
-        let found = subtree(block, i).estimate(q, large);
+        let found = subtree(&block, i).estimate(q, large);
         let enters = select(found.enter, 1u32, 0u32);
         room[i] = found.weight.to_bits();
         room[ENTERS + i] = enters;
@@ -208,23 +209,22 @@ fn weigh_node(tree: &Root, node: usize, q: &Query, large: f32, room: &mut [u32])
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn weigh_leaf(tree: &Root, leaf: usize, q: &Query, room: &mut [u32]) -> f32 {
-    let first = LANES * LEAF * leaf;
-    let block = &tree.leaves[first..first + LANES * LEAF];
+    let block: Blocks = block_at(&tree.leaves, LEAF, leaf);
     let lanes = repeated(LANES, tree.count);
     for i in 0..lanes {
-        room[i] = seen_edge(tree, block, i, q).jump(q).to_bits();
+        room[i] = seen_edge(tree, &block, i, q).jump(q).to_bits();
     }
     let mut sum = sum_of(&room[..LANES]);
     if sum > 0.0 {
         if q.cos > 0.0 {
             for i in 0..lanes {
-                let edge = seen_edge(tree, block, i, q);
+                let edge = seen_edge(tree, &block, i, q);
                 let jump = f32::from_bits(room[i]);
                 room[i] = edge.weight_in_cone(jump, q).to_bits();
             }
         } else {
             for i in 0..lanes {
-                let edge = seen_edge(tree, block, i, q);
+                let edge = seen_edge(tree, &block, i, q);
                 let jump = f32::from_bits(room[i]);
                 room[i] = edge.weight_over_horizon(jump, q).to_bits();
             }

@@ -1,8 +1,9 @@
 //! The edges at which visibility or colors jump, and the choice of one that a point sees.
 //!
 //! `meshes` collects the edges of meshes, and `crossings` the lines in which triangles pass through each other. `tree`
-//! is built over both, and `draw` draws an edge from it.
+//! is built over both, and `draw` draws an edge from it, by the numbers in `blocks`.
 
+mod blocks;
 mod bounds;
 mod crossings;
 mod draw;
@@ -19,6 +20,8 @@ use crate::model::V3;
 use crate::model::edge_weight::{BORDER, CROSSING, FOLD};
 use crate::scene::HostScene;
 use crate::trace::{CLOSED, OF_EDGE, Scene};
+#[cfg(feature = "gpu")]
+pub(crate) use blocks::Blocks;
 #[cfg(feature = "gpu")]
 pub(crate) use bounds::Bounds;
 use bounds::EdgeList;

@@ -8,6 +8,7 @@ use std::sync::OnceLock;
 use rayon::prelude::*;
 
 use super::Kind;
+use super::blocks::Blocks;
 use super::bounds::{Bounds, EdgeList};
 use super::draw::{LEAF, NODE, Root, put_edge, put_subtree};
 use crate::accel::LANES;
@@ -243,7 +244,7 @@ impl EdgeTree {
                 put_edge(block, lane, &edge, velocity);
                 all.add_edge(&edge, velocity);
             }
-            *bounds = all.over_leaf(block, 0);
+            *bounds = all.over_leaf(block, 0, 1);
             true
         });
         new_leaves.collect()
@@ -287,9 +288,9 @@ impl EdgeTree {
     pub fn root(&self, node: u32) -> Root<'_> {
         let is_list = self.shape.children.is_empty();
         Root {
-            nodes: &self.nodes,
+            nodes: Blocks::new(&self.nodes),
             children: &self.shape.children,
-            leaves: &self.leaves,
+            leaves: Blocks::new(&self.leaves),
             edges: &self.shape.edges,
             start: if is_list { 1 } else { 2 * node },
             count: if is_list {

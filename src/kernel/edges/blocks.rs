@@ -1,0 +1,102 @@
+//! Blocks of eight branches of a node, or of eight edges of a leaf. The host stores the first number of all eight, then
+//! the second number of all eight, and so on, so that it executes a loop over them with vector instructions. GPUs store
+//! all numbers of one branch or edge, then those of the next, and load four numbers at once.
+
+use crate::accel::LANES;
+#[cfg(feature = "gpu")]
+use crate::cube::*;
+use crate::model::Four;
+#[cfg(feature = "gpu")]
+use crate::trace::Fours;
+
+/// A list of blocks, or one block.
+#[cfg_attr(feature = "gpu", derive(CubeType))]
+#[derive(Clone, Copy)]
+pub(crate) struct Blocks<'a> {
+    pub list: &'a [f32],
+    /// For GPUs: all floats by four, if they can be loaded so, and where the blocks begin in these, or else in the list,
+    /// in fours.
+    #[cfg(feature = "gpu")]
+    pub fours: Fours<'a>,
+    #[cfg(feature = "gpu")]
+    pub first: u32,
+}
+
+impl<'a> Blocks<'a> {
+    pub fn new(list: &'a [f32]) -> Self {
+        Self {
+            list,
+            #[cfg(feature = "gpu")]
+            fours: Fours::default(),
+            #[cfg(feature = "gpu")]
+            first: 0,
+        }
+    }
+}
+
+/// Returns a block of a list, whose branches or edges have so many numbers.
+#[inline(always)]
+pub(super) fn block_at<'a>(blocks: &Blocks<'a>, numbers: usize, index: usize) -> Blocks<'a> {
+    let first = LANES * numbers * index;
+    Blocks::new(&blocks.list[first..first + LANES * numbers])
+}
+
+/// Returns the numbers from 4 `k` on of a branch or edge.
+#[inline(always)]
+pub(super) fn four_of(block: &Blocks, _numbers: usize, branch: usize, k: usize) -> Four {
+    let number = |i: usize| block.list[LANES * (4 * k + i) + branch];
+    Four {
+        x: number(0),
+        y: number(1),
+        z: number(2),
+        w: number(3),
+    }
+}
+
+/// Returns the place of number `k` of a branch or edge, given that of its first number.
+#[inline(always)]
+pub(super) fn place_of(first: usize, k: usize) -> usize {
+    first + LANES * k
+}
+
+/// The same in kernels.
+#[cfg(feature = "gpu")]
+mod in_kernels {
+    use super::*;
+    use crate::trace::four;
+
+    #[cube]
+    pub(super) fn block<'a>(blocks: &Blocks<'a>, numbers: usize, index: usize) -> Blocks<'a> {
+        Blocks::<'a> {
+            list: blocks.list,
+            fours: blocks.fours,
+            first: blocks.first + (LANES * numbers / 4 * index) as u32,
+        }
+    }
+
+    #[cube]
+    pub(super) fn four_numbers(block: &Blocks, numbers: usize, branch: usize, k: usize) -> Four {
+        let at = block.first + (numbers / 4 * branch) as u32;
+        four(block.list, block.fours, at + k as u32)
+    }
+
+    #[cube]
+    pub(super) fn place(first: usize, k: usize) -> usize {
+        first + k
+    }
+}
+
+#[cfg(feature = "gpu")]
+pub(super) mod block_at {
+    pub(in super::super) use super::in_kernels::block::expand;
+}
+
+#[cfg(feature = "gpu")]
+pub(super) mod four_of {
+    pub(in super::super) use super::in_kernels::four_numbers::expand;
+}
+
+#[cfg(feature = "gpu")]
+pub(super) mod place_of {
+    pub(in super::super) use super::in_kernels::place::expand;
+}
