@@ -56,6 +56,7 @@ fn main() {
         Step::new("a moved mesh beside one that stands", 1, two, small),
         Step::new("the same, late", 1, two, small).late(),
         Step::new("colors alone", 1, [0, 81_920], small),
+        Step::new("colors alone, late", 1, [0, 81_920], small).late(),
     ];
     for scenes in [16, 64] {
         for faces in [1_280, 20_480, 81_920] {

@@ -206,7 +206,7 @@ impl Job {
         [floats, words, _]: &[List; 3],
         features: Features,
     ) -> ViewsLaunch {
-        // Only traversal needs the floats by four.
+        // Traversal and draws load floats by four. Without boxes, there are few triangles and edges.
         let fours = features.boxes.then(|| floats.fours(client)).flatten();
         ViewsLaunch::new(floats.argument(), words.argument(), fours.into(), features)
     }

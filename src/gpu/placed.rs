@@ -30,7 +30,7 @@ pub(crate) type TensorPlaces<'a> = &'a [(ParameterId, Range<usize>)];
 pub(crate) type ViewPlaces<'a> = (&'a View, TensorPlaces<'a>, TensorPlaces<'a>);
 
 /// Number of words of a tensor in the table: the number of elements before it in the table, its first element in the
-/// row, its first place in the list, and [`OF_VERTICES`] or the distance between its elements in the list. For vertices,
+/// row, its first place in the buffer, and [`OF_VERTICES`] or the distance between its elements there. For vertices,
 /// the bits of numbers follow: the center of the scene's frame as two numbers per axis, 1 over the frame's unit, and 1
 /// over a typical length of edges.
 const OF_TENSOR: usize = 12;
@@ -38,7 +38,7 @@ const CENTER: usize = 4;
 const REST: usize = 7;
 const PER_UNIT: usize = 10;
 const PER_EDGE: usize = 11;
-/// Marks vertices, which lists store in the scene's frame, as two numbers for each.
+/// Marks vertices. Lists store each of their coordinates in the scene's frame, as the sum of two numbers.
 const OF_VERTICES: u32 = 0;
 
 /// The number of triangles by which the typical length of an object's edges is judged.

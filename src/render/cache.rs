@@ -70,14 +70,15 @@ impl HierarchyCache {
     /// own values.
     ///
     /// In the other renders the device takes the values of tracked meshes and materials from their tensors, and computes
-    /// triangles, boxes, edges and their bounds from them. The host reuses what it has prepared: which edges meshes have,
-    /// the shapes of trees, and how many samples an edge on the film has. When values have arrived, another thread prepares
-    /// the same from them. The renders from the next reading on use it, so it is made from values that are at most twice as
-    /// many renders old.
+    /// triangles, boxes, edges and their bounds from them. The host reuses what it has prepared from earlier values: which
+    /// edges meshes have, the shapes of trees, and how many samples an edge on the film has. When values arrive, another
+    /// thread prepares the same from them. The render that makes the next request begins to use it, or an earlier one if
+    /// vertices have moved far. So the values in use are at most twice as many renders old.
     ///
     /// Images are those of renders that read. Gradients differ by noise, since edges are drawn in another order. They miss
-    /// edges that the values before did not have: between faces that were in one plane, or had no area, and with the same
-    /// colors on both sides.
+    /// edges that did not count with the values in use: between faces in one plane whose colors, texture coordinates and
+    /// normals were the same on both sides, and at faces that had no area. They also miss lines in which bodies have come to
+    /// intersect since.
     ///
     /// A render reads and waits, as without this setting, unless
     /// - it is made by [`render`](crate::render::render) or [`render_batch`](crate::render::render_batch) on a GPU of this
@@ -89,14 +90,14 @@ impl HierarchyCache {
     ///   (constants, textures and normal maps, but not emission),
     /// - meshes with normal maps have tangents,
     /// - objects with tracked vertices or texture coordinates do not emit light, those with tracked texture coordinates
-    ///   have no alpha mask, and those with tracked vertices intersected no other object,
+    ///   have no alpha mask, and with the values in use those with tracked vertices intersected no other object,
     /// - no vertex has moved by more than a quarter of a typical edge of its object since the values in use,
     /// - sampling is not adaptive, and diagnostics are off.
     ///
     /// How far vertices have moved is known one render later, so a render after a far move reads. Values that are not
     /// finite are an error in the next render that has such values. Other mistakes in tracked values (normals of length 0)
-    /// are an error when the thread that found them is done, also if later values are right. Renders on servers ignore this
-    /// setting.
+    /// are an error in the render that would begin to use them, also if its own values are right. Renders on servers ignore
+    /// this setting.
     ///
     /// ```
     /// use softray::prelude::*;
@@ -132,6 +133,15 @@ impl HierarchyCache {
     pub(super) fn take_standing(&self) -> Option<Standing> {
         let standing = self.standing.lock();
         standing.unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    /// Returns a cache that shares boxes and edges with this one, and nothing else.
+    #[cfg(feature = "gpu")]
+    pub(super) fn of_scenes(&self) -> Self {
+        Self {
+            scenes: self.scenes.clone(),
+            ..Self::default()
+        }
     }
 
     /// Keeps a render for the next one.

@@ -16,11 +16,11 @@ use crate::geometry::{Context, detached};
 use crate::gpu::{Reading, Row, identity_and_strides};
 use crate::kernel::View;
 use crate::scene::{
-    Camera, Channel, Detach, Object, Parameter, ParameterId, Projection, Value, Visit,
+    Camera, Channel, Detach, Object, Parameter, ParameterId, Projection, Value, Visit, host_device,
     look_at_scene, visit_camera, visit_scene,
 };
 
-/// The largest move of a vertex since the host has had its value, divided by a typical length of edges.
+/// The largest move of a vertex since the values in use, divided by a typical length of edges.
 const FAR: f32 = 0.25;
 
 /// How a render gets the values of its tensors, and what it leaves to the next one.
@@ -30,9 +30,10 @@ pub(super) struct Late {
     look: Option<Look>,
     age: u32,
     moved: f32,
+    newer: f32,
     /// Values of the last render's row, which have arrived.
     pub values: Option<Vec<f64>>,
-    /// Views that another thread prepares, and those that it has prepared if they are due.
+    /// Views that another thread prepares, and those that it has prepared if this render is to use them.
     pub preparing: Option<Preparing>,
     pub views: Option<Result<Views>>,
     /// The data of the last render, which the host takes in place of its own.
@@ -65,22 +66,26 @@ impl Late {
             };
             moved = moved.max(own[0]);
         }
-        moved += last.moved;
-        if *look != last.look || moved > FAR {
+        if *look != last.look {
             return this;
         }
-        (this.age, this.moved) = (last.age + 1, moved);
+        this.age = last.age + 1;
+        (this.moved, this.newer) = (last.moved + moved, last.newer + moved);
         this.preparing = last.preparing.take();
         if let Some(reading) = last.values.take() {
             let values = reading.numbers();
             this.values = values.map(|values| values.into_iter().map(f64::from).collect());
-            this.age = 0;
+            (this.age, this.newer) = (0, 0.0);
         }
-        if this.age + 1 >= cache.every {
-            this.views = this.preparing.take().and_then(Preparing::finish);
+        let is_far = this.moved > FAR;
+        if is_far || this.age + 1 >= cache.every {
+            let near = this.preparing.take().filter(|_| this.newer <= FAR);
+            this.views = near.and_then(Preparing::finish);
         }
         match this.views {
+            // The device finds how far vertices have moved since the values of the views.
             Some(_) => this.moved = 0.0,
+            None if is_far => this.read(),
             None => this.standing = Some(last),
         }
         this
@@ -110,14 +115,7 @@ impl Late {
         groups: &[Group],
         (context, lit): (&Context, bool),
     ) {
-        let crosses = |view: &View| {
-            let sets = view.edge_sets.as_ref();
-            sets.is_some_and(|sets| sets.crossings_move(&view.scene, &view.wanted))
-        };
-        // Copies of triangles that are not in the tree may move apart.
-        let serves = |view: &View| view.scene.hierarchy.is_complete() && !crosses(view);
-        let serve = views.iter().all(|(view, _)| serves(view));
-        let Some(look) = self.look.filter(|_| serve) else {
+        let Some(look) = self.look.filter(|_| serve(views)) else {
             return;
         };
         let moves = groups.iter().filter_map(|(_, group)| group.buffers.moved());
@@ -130,6 +128,7 @@ impl Late {
             lit,
             age: self.age,
             moved: self.moved,
+            newer: self.newer,
             moves: moves.collect(),
             values: self.reading,
             preparing: self.preparing,
@@ -137,11 +136,23 @@ impl Late {
     }
 }
 
+/// Returns whether views serve for other values of their tensors.
+pub(super) fn serve(views: &[(View, Places)]) -> bool {
+    let crosses = |view: &View| {
+        let sets = view.edge_sets.as_ref();
+        sets.is_some_and(|sets| sets.crossings_move(&view.scene, &view.wanted))
+    };
+    // Copies of triangles that are not in the tree may move apart.
+    let serves = |view: &View| view.scene.hierarchy.is_complete() && !crosses(view);
+    views.iter().all(|(view, _)| serves(view))
+}
+
 impl Look {
     /// Returns the look of a render, or `None` if the next one can't be late: if tensors are tracked that the device does
-    /// not place, if surfaces with holes or those that emit change, or on a CPU.
+    /// not place, if surfaces with holes or those that emit change, on a CPU, or if the host has no tensors of its own.
     fn new(batch: &Batch, options: &RenderOptions) -> Option<Self> {
         let placed = batch.on_host.is_none() && !options.adaptive && !options.diagnostics;
+        let placed = placed && host_device().is_some();
         let first = placed.then(|| batch.scenes.first()?.objects.first())??;
         let mut hash = Hash64 {
             state: DefaultHasher::new(),

@@ -69,10 +69,12 @@ pub(super) struct Standing {
     pub groups: Vec<Group>,
     pub context: Context,
     pub lit: bool,
-    /// The number of renders since the host has had the values of tensors.
+    /// The number of renders since values of tensors last arrived.
     pub age: u32,
-    /// The sum of the longest moves of vertices since then, divided by typical lengths of edges.
+    /// The sum of the longest moves of vertices since the values in use, and since the values that are being prepared,
+    /// divided by typical lengths of edges.
     pub moved: f32,
+    pub newer: f32,
     /// The longest moves of vertices in the render, one for each group.
     pub moves: Vec<Reading>,
     /// The values of the row, if the host is to prepare views from them.
@@ -93,8 +95,10 @@ impl Preparing {
     /// Starts a thread, or returns `None` if the system has none left. Its loops run in threads of their own, since those of
     /// the program may all wait for it.
     pub fn new(prepare: impl FnOnce() -> Result<Views> + Send + 'static) -> Option<Self> {
-        let pool = ThreadPoolBuilder::new().build().ok()?;
-        let thread = thread::Builder::new().spawn(move || pool.install(prepare));
+        let thread = thread::Builder::new().spawn(|| match ThreadPoolBuilder::new().build() {
+            Ok(pool) => pool.install(prepare),
+            Err(_) => prepare(),
+        });
         Some(Self(Some(thread.ok()?)))
     }
 

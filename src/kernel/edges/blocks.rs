@@ -3,6 +3,7 @@
 //! all numbers of one branch or edge, then those of the next, and load four numbers at once.
 
 use crate::accel::LANES;
+use crate::accel::eights::number;
 #[cfg(feature = "gpu")]
 use crate::cube::*;
 use crate::model::Four;
@@ -14,8 +15,8 @@ use crate::trace::Fours;
 #[derive(Clone, Copy)]
 pub(crate) struct Blocks<'a> {
     pub list: &'a [f32],
-    /// For GPUs: all floats by four, if they can be loaded so, and where the blocks begin in these, or else in the list,
-    /// in fours.
+    /// For GPUs: all floats by four, if the device can load them so. `first` is where the blocks begin, divided by four, in
+    /// `fours` or else in `list`.
     #[cfg(feature = "gpu")]
     pub fours: Fours<'a>,
     #[cfg(feature = "gpu")]
@@ -34,7 +35,7 @@ impl<'a> Blocks<'a> {
     }
 }
 
-/// Returns a block of a list, whose branches or edges have so many numbers.
+/// Returns a block of a list. `numbers` is how many numbers a branch or an edge has.
 #[inline(always)]
 pub(super) fn block_at<'a>(blocks: &Blocks<'a>, numbers: usize, index: usize) -> Blocks<'a> {
     let first = LANES * numbers * index;
@@ -44,12 +45,11 @@ pub(super) fn block_at<'a>(blocks: &Blocks<'a>, numbers: usize, index: usize) ->
 /// Returns the numbers from 4 `k` on of a branch or edge.
 #[inline(always)]
 pub(super) fn four_of(block: &Blocks, _numbers: usize, branch: usize, k: usize) -> Four {
-    let number = |i: usize| block.list[LANES * (4 * k + i) + branch];
     Four {
-        x: number(0),
-        y: number(1),
-        z: number(2),
-        w: number(3),
+        x: number(block.list, 4 * k, branch),
+        y: number(block.list, 4 * k + 1, branch),
+        z: number(block.list, 4 * k + 2, branch),
+        w: number(block.list, 4 * k + 3, branch),
     }
 }
 

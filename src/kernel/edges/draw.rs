@@ -52,10 +52,13 @@ pub(crate) const NODE: usize = 16;
 /// the vector along the edge, and its velocity.
 pub(crate) const LEAF: usize = 24;
 const FRONT: usize = 4;
+const FOLD: usize = FRONT + 3;
 const BACK: usize = 8;
-const FOLD: usize = 7;
+const OTHERS: usize = 12;
 const ALONG: usize = 16;
 const VELOCITY: usize = 20;
+const AXIS: usize = 4;
+const SINE: usize = 8;
 
 /// The largest number of nodes of which several children may be entered, and the sine of the viewing angle above which
 /// a subtree is entered.
@@ -78,9 +81,9 @@ const ENTERED: u32 = 64;
 #[inline(always)]
 fn subtree(block: &Blocks, branch: usize) -> Subtree {
     let of_place: Four = four_of(block, NODE, branch, 0usize);
-    let of_axis: Four = four_of(block, NODE, branch, 1usize);
-    let of_folds: Four = four_of(block, NODE, branch, 2usize);
-    let others: Four = four_of(block, NODE, branch, 3usize);
+    let of_axis: Four = four_of(block, NODE, branch, AXIS / 4);
+    let of_folds: Four = four_of(block, NODE, branch, SINE / 4);
+    let others: Four = four_of(block, NODE, branch, OTHERS / 4);
     Subtree {
         center: of_place.vector(),
         radius: of_place.w,
@@ -103,7 +106,7 @@ fn seen_edge(tree: &Root, block: &Blocks, branch: usize, q: &Query) -> SeenEdge 
     let of_place: Four = four_of(block, LEAF, branch, 0usize);
     let front: Four = four_of(block, LEAF, branch, FRONT / 4);
     let back: Four = four_of(block, LEAF, branch, BACK / 4);
-    let others: Four = four_of(block, LEAF, branch, 3usize);
+    let others: Four = four_of(block, LEAF, branch, OTHERS / 4);
     let along: Four = four_of(block, LEAF, branch, ALONG / 4);
     let mut to = of_place.vector() - q.x;
     if comptime!(tree.moves) {
@@ -145,7 +148,7 @@ pub(crate) fn put_edge(list: &mut [f32], first: usize, e: &SeenEdge, velocity: V
     put(list, first, 0usize, e.to, e.half);
     put(list, first, FRONT, e.front, jumps.fold);
     put(list, first, BACK, e.back, jumps.crease);
-    put(list, first, 12usize, others, 0.0);
+    put(list, first, OTHERS, others, 0.0);
     put(list, first, ALONG, e.along, 0.0);
     put(list, first, VELOCITY, velocity, 0.0);
 }
@@ -157,10 +160,10 @@ pub(crate) fn put_subtree(list: &mut [f32], first: usize, s: &Subtree) {
     let jumps = s.jumps;
     let of_folds = v3(s.sin, jumps.fold, jumps.crease);
     put(list, first, 0usize, s.center, s.radius);
-    put(list, first, 4usize, s.axis, s.cos);
-    put(list, first, 8usize, of_folds, jumps.closed);
+    put(list, first, AXIS, s.axis, s.cos);
+    put(list, first, SINE, of_folds, jumps.closed);
     let others = v3(jumps.seen_always, jumps.passes_always, 0.0);
-    put(list, first, 12usize, others, 0.0);
+    put(list, first, OTHERS, others, 0.0);
 }
 
 /// Returns a vector of an edge, from number `k` on.

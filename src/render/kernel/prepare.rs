@@ -153,16 +153,6 @@ pub(super) fn prepare(
     // What is kept for a late step would keep the last lists from being reused.
     #[cfg(feature = "gpu")]
     drop(options.cache.as_ref().map(HierarchyCache::take_standing));
-    prepare_beside(batch, options, interior, chosen)
-}
-
-/// Like [`prepare`], while other renders use what the cache keeps of the last one.
-pub(super) fn prepare_beside(
-    batch: &Batch,
-    options: &RenderOptions,
-    interior: bool,
-    chosen: Option<HashSet<ParameterId>>,
-) -> Result<Prepared> {
     let Visibility::Cone { angle, pixels } = options.form() else {
         unreachable!("the softmax is for tensors");
     };

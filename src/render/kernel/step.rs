@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use burn::tensor::Tensor;
 
-use super::prepare::{Prepared, collect_scenes, copy, prepare, prepare_beside};
+use super::prepare::{Prepared, collect_scenes, copy, prepare};
 use crate::error::Result;
 use crate::geometry::{host_values, now};
 use crate::gpu::ViewPlaces;
 use crate::kernel::View;
 use crate::render::batch::Batch;
 use crate::render::cache::HierarchyCache;
-use crate::render::late::Late;
+use crate::render::late::{Late, serve};
 use crate::render::options::{RenderOptions, sampler};
 use crate::render::standing::{Group, Places, Preparing, Standing};
 use crate::scene::Collect;
@@ -21,21 +21,26 @@ pub(super) fn prepare_step(batch: &Batch, options: &RenderOptions) -> Result<Pre
     let mut late = Late::new(batch, options);
     let cache = options.cache.clone().unwrap_or_default();
     if let Some(values) = late.values.take() {
-        late.preparing = prepare_later(with_values(batch, &cache, &values)?, options.clone());
+        // The cache must not wait for a thread that keeps it alive.
+        let options = options.clone().with_cache(&cache.of_scenes());
+        late.preparing = prepare_later(with_values(batch, &cache, &values)?, options);
     }
     if let Some(views) = late.views.take() {
         let (views, lit) = views?;
-        let views = views.into_iter().enumerate();
-        let views = views.map(|(index, (view, places))| (as_now(&view, options, index), places));
-        let prepared = Prepared {
-            views: views.collect(),
-            parent: Some(place(batch, &cache, &mut late)),
-            context: batch.context()?,
-            lit,
-            groups: None,
-            late: Late::default(),
-        };
-        return Ok(Prepared { late, ..prepared });
+        if serve(&views) {
+            let views = views.into_iter().enumerate();
+            let views =
+                views.map(|(index, (view, places))| (as_now(&view, options, index), places));
+            return Ok(Prepared {
+                views: views.collect(),
+                parent: Some(place(batch, &cache, &mut late)),
+                context: batch.context()?,
+                lit,
+                groups: None,
+                late,
+            });
+        }
+        late.read();
     }
     if let Some(standing) = late.standing.take() {
         if let Some(prepared) = again(batch, options, &standing, &cache, &mut late) {
@@ -65,7 +70,7 @@ fn with_values(batch: &Batch, cache: &HierarchyCache, values: &[f64]) -> Result<
 /// Lets another thread prepare the views of a batch on the host.
 fn prepare_later(batch: Batch, options: RenderOptions) -> Option<Preparing> {
     Preparing::new(move || {
-        let prepared = prepare_beside(&batch, &options, true, None)?;
+        let prepared = prepare(&batch, &options, true, None)?;
         Ok((prepared.views, prepared.lit))
     })
 }
