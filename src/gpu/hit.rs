@@ -180,8 +180,11 @@ pub(super) fn trace(
             safe_inverse(ray.direction.y),
             safe_inverse(ray.direction.z),
         );
-        let above = -(origin + splat(margin)).times(inverse);
-        let below = -(origin - splat(margin)).times(inverse);
+        // Larger than the margin of triangles, by the rounding errors of distances from boxes. So hits do not depend on
+        // the tree.
+        let of_boxes = splat(1.5 * margin);
+        let above = -(origin + of_boxes).times(inverse);
+        let below = -(origin - of_boxes).times(inverse);
         let (nodes, fours) = (scene.nodes, scene.fours);
         let start = start_of(fours, scene.first_node);
         // The end of the stack, which no hit is nearer than.
