@@ -14,11 +14,10 @@ use super::sums::of_channel;
 use super::walk::Start;
 use crate::accel::Hit;
 use crate::kernel::{Blocks, DrawnEdge, NO_EDGE, Root, draw_edge};
-use crate::model::Four;
-use crate::model::Pair;
 use crate::model::bsdf::normals_differ;
 use crate::model::choice::decided_by;
 use crate::model::jumps::{SEARCH_SETS, mean_searches, most_searches, usual_searches};
+use crate::model::{Four, Pair};
 use crate::sampling::{Dimensions, Stream};
 use crate::trace::{
     Approach, EdgeView, Jump, NONE, OF_EDGES, OF_SIDES, Observer, PointGradient, Scene, Search,

@@ -73,7 +73,7 @@ impl HierarchyCache {
     /// triangles, boxes, edges and their bounds from them. The host reuses what it has prepared from earlier values: which
     /// edges meshes have, the shapes of trees, and how many samples an edge on the film has. When values arrive, another
     /// thread prepares the same from them. The render that makes the next request begins to use it, or an earlier one if
-    /// vertices have moved far. So the values in use are at most twice as many renders old.
+    /// vertices have moved far. So the values in use are at most 2 × `renders` renders old.
     ///
     /// Images are those of renders that read. Gradients differ by noise, since edges are drawn in another order. They miss
     /// edges that did not count with the values in use: between faces in one plane whose colors, texture coordinates and

@@ -13,9 +13,8 @@ use super::surface::SurfacePoints;
 use crate::accel::{Hierarchy, Hit, HitRay, NOTHING};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, host_vectors};
-use crate::model::Four;
-use crate::model::V3;
 use crate::model::cone::{Bend, bend, lifted, up_to_plane};
+use crate::model::{Four, V3};
 use crate::sampling::{Dimensions, Sampler};
 use crate::scene::Holes;
 

@@ -6,12 +6,11 @@ use super::lights::{GroupChoice, choose_group, emitters_of};
 use super::scene::{CONE, GROUP, Scene};
 use super::sums::Sums;
 use super::surface::{Point, receiver_of};
-use crate::model::Four;
-use crate::model::V3;
 use crate::model::bsdf::Lobe;
 use crate::model::edge_weight::Query;
 use crate::model::jumps::{LobeSearch, of_lobe, towards_group, towards_light};
 use crate::model::lists::vector;
+use crate::model::{Four, V3};
 use crate::sampling::Receiver;
 
 /// A point of a path from which edges are searched.

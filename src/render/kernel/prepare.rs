@@ -150,13 +150,13 @@ pub(super) fn prepare(
     interior: bool,
     chosen: Option<HashSet<ParameterId>>,
 ) -> Result<Prepared> {
-    // What is kept for a late step would keep the last lists from being reused.
-    #[cfg(feature = "gpu")]
-    drop(options.cache.as_ref().map(HierarchyCache::take_standing));
     let Visibility::Cone { angle, pixels } = options.form() else {
         unreachable!("the softmax is for tensors");
     };
     let last = options.cache.clone().unwrap_or_default();
+    // What is kept for a late step would keep the last lists from being reused.
+    #[cfg(feature = "gpu")]
+    drop(last.take_standing());
     let (mut hosts, cameras) = stage("read and check", || read(batch, &last))?;
     let context = hosts[0].context.clone();
     let lit = hosts.iter().all(HostScene::has_light);
