@@ -19,8 +19,8 @@ pub(crate) struct GpuTree {
     pub parts: Parts,
 }
 
-/// The number of numbers of a node, which a GPU loads by four. For each axis, these are the lower corners of both boxes
-/// and then the upper ones. The bits of the next two numbers are the children, and the last two are unused.
+/// The number of numbers of a node, which a GPU loads by four. For each axis, these are the centers of both boxes and
+/// then half their extents. The bits of the next two numbers are the children, and the last two are unused.
 pub(crate) const OF_NODE: u32 = 16;
 
 /// Connected parts of a tree, for each of which one thread computes the nodes. They are ordered by levels: nodes of a

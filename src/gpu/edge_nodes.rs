@@ -54,16 +54,18 @@ impl EdgeTreeAt {
         let lanes = repeated(LANES, node) as u32;
         let children = self.children + lanes * node;
         let block = self.nodes + lanes * NODE as u32 * node;
-        for k in 0..lanes * NODE as u32 {
-            floats[(block + k) as usize] = 0.0;
-        }
         let mut all = Bounds::none();
         for i in 0..lanes {
             let child = words[(children + i) as usize];
-            if child != NONE {
+            let to = block + NODE as u32 * i;
+            if child == NONE {
+                for k in 0..NODE as u32 {
+                    floats[(to + k) as usize] = 0.0;
+                }
+            } else {
                 let part = bounds_at(floats, self.bounds_of(child));
                 let subtree = part.subtree();
-                put_subtree(floats, (block + NODE as u32 * i) as usize, &subtree);
+                put_subtree(floats, to as usize, &subtree);
                 all.add_part(&part);
             }
         }

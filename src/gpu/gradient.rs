@@ -14,8 +14,8 @@ use crate::trace::{
     AREAS, CAMERAS, LIGHTS, OF_CAMERA, OF_LIGHT, PARTS, Scene, TRIANGLES, VERTICES,
 };
 
-/// Number of words of a tensor in the table: its first element in the gradient, the number of elements before it in
-/// the table, its first sum, its part, its kind, the lengths of its rows and of the rows of sums, the start of its
+/// Number of words of a tensor in the table: its first element in the gradient, the number of threads before its own, its
+/// first sum, its part, its kind, the lengths of its rows and of the rows of sums, the start of its
 /// factor or matrix, and its view.
 const OF_TENSOR: usize = 9;
 /// Kinds of tensors: sums times a factor; the same for vertices, plus the derivatives from their triangles; a matrix
@@ -29,8 +29,8 @@ const MATRIX: u32 = 2;
 pub(super) struct Table {
     pub words: Vec<u32>,
     pub factors: Vec<f32>,
-    /// The number of elements of all tensors.
-    pub numbers: usize,
+    /// The number of threads: one for each vertex, and for each element of other tensors.
+    pub threads: usize,
     view: u32,
 }
 
@@ -84,13 +84,16 @@ impl Table {
         factors: impl IntoIterator<Item = f64>,
     ) {
         let at = self.factors.len() as u32;
-        let (begin, before) = (to.start as u32, self.numbers as u32);
+        let (begin, before) = (to.start as u32, self.threads as u32);
         self.words.extend([begin, before, first, part, kind]);
         let lengths = [own as u32, of_sums as u32];
         self.words
             .extend(lengths.into_iter().chain([at, self.view]));
         self.factors.extend(factors.into_iter().map(|f| f as f32));
-        self.numbers += to.len();
+        self.threads += match kind {
+            OF_VERTICES => to.len() / own,
+            _ => to.len(),
+        };
     }
 
     /// Adds a tensor whose gradient is the linear function `by` of some sums.
@@ -153,7 +156,7 @@ fn of_triangles(
     by
 }
 
-/// Adds the gradient of the views' tensors to the gradient of all tensors, one thread per element.
+/// Adds the gradient of the views' tensors to the gradient of all tensors.
 #[cube(launch)]
 pub(super) fn write_gradient(
     views: Views,
@@ -163,10 +166,10 @@ pub(super) fn write_gradient(
     table: &[u32],
     factors: &[f32],
     gradient: &mut [f32],
-    numbers: u32,
+    threads: u32,
 ) {
-    if ABSOLUTE_POS < numbers as usize {
-        // Find the last tensor that begins at or before the element.
+    if ABSOLUTE_POS < threads as usize {
+        // Find the last tensor whose threads begin at or before this one.
         let mut tensor = 0usize;
         let mut past = table.len() / OF_TENSOR;
         while past - tensor > 1 {
@@ -186,31 +189,27 @@ pub(super) fn write_gradient(
         let own = table[row + 5];
         let of_sums = table[row + 6];
         let factor = table[row + 7];
-        let mut value = 0.0f32;
+        let begin = table[row];
         if kind == MATRIX {
+            let mut value = 0.0f32;
             for k in 0..of_sums {
                 let by = replicas.number(sums, scales, first + k, part);
                 value += factors[(factor + i * of_sums + k) as usize] * by;
             }
-        } else {
-            let column = i % own;
-            let from = i / own;
-            if column < of_sums {
-                value = replicas.number(sums, scales, first + from * of_sums + column, part);
+            gradient[(begin + i) as usize] += value;
+        } else if kind == OF_VERTICES {
+            let vertices = scene.first_sums[comptime!(VERTICES as usize)];
+            let vertex = (first - vertices) / 3 + i;
+            let more = of_triangles(&scene, sums, &replicas, scales, vertex);
+            for axis in 0..3u32 {
+                let by = replicas.number(sums, scales, first + 3 * i + axis, part);
+                let value = (by + component(more, axis)) * factors[factor as usize];
+                gradient[(begin + 3 * i + axis) as usize] += value;
             }
-            if kind == OF_VERTICES {
-                let vertices = scene.first_sums[comptime!(VERTICES as usize)];
-                let more = of_triangles(
-                    &scene,
-                    sums,
-                    &replicas,
-                    scales,
-                    (first - vertices) / 3 + from,
-                );
-                value += component(more, column);
-            }
-            value *= factors[factor as usize];
+        } else if i % own < of_sums {
+            let sum = first + i / own * of_sums + i % own;
+            let value = replicas.number(sums, scales, sum, part);
+            gradient[(begin + i) as usize] += value * factors[factor as usize];
         }
-        gradient[(table[row] + i) as usize] += value;
     }
 }

@@ -4,11 +4,15 @@
 use crate::cube::*;
 
 use crate::accel::{CHILD, Hit, LEAF, OTHERS, ROUNDING, hit_stride};
-use crate::model::{Four, V3, splat, v3};
+use crate::model::{Four, V3, v3};
 use crate::trace::{Faces, NONE, Scene, four, start_of};
 
 /// Marks the end of the stack: no child.
 const END: u32 = LEAF;
+
+/// The distance of a ray's origin from the point of the ray that is nearest to the origin of coordinates, beyond which
+/// the ray starts at this point.
+pub(super) const FAR: f32 = 16.0;
 
 /// The memory of a thread: a stack of BVH nodes with the entry distances of their bounding boxes, and space for the
 /// choice of an emitter.
@@ -65,18 +69,42 @@ struct Entry {
     distance: f32,
 }
 
-/// Returns the entry of a ray into a box. `above` and `below` are minus the ray's origin, with the margin added and
-/// subtracted, times `inverse`.
+/// A ray for intersection with boxes: the inverse of its direction, the components' sizes and minus these, and minus
+/// the origin times the inverse.
+#[apply(record!)]
+struct Slabs {
+    inverse: V3,
+    size: V3,
+    minus: V3,
+    start: V3,
+}
+
 #[cube]
-fn enter(low: V3, high: V3, above: V3, below: V3, inverse: V3, from: f32, limit: f32) -> Entry {
-    let a = low.times(inverse) + above;
-    let b = high.times(inverse) + below;
-    let distance = from.max(a.min(b).max_element());
-    let most = a.max(b);
-    let far = limit.min(most.x).min(most.y).min(most.z);
-    Entry {
-        is_met: distance <= far,
-        distance,
+impl Slabs {
+    fn new(origin: V3, direction: V3) -> Slabs {
+        let inverse = v3(
+            safe_inverse(direction.x),
+            safe_inverse(direction.y),
+            safe_inverse(direction.z),
+        );
+        Slabs {
+            inverse,
+            size: inverse.abs(),
+            minus: -inverse.abs(),
+            start: -origin.times(inverse),
+        }
+    }
+
+    /// Returns the entry into a box, given by its center and half its extents.
+    fn enter(&self, center: V3, half: V3, from: f32, limit: f32) -> Entry {
+        let middle = center.times(self.inverse) + self.start;
+        let near = half.times(self.minus) + middle;
+        let far = half.times(self.size) + middle;
+        let distance = from.max(near.max_element());
+        Entry {
+            is_met: distance <= limit.min(far.x).min(far.y).min(far.z),
+            distance,
+        }
     }
 }
 
@@ -155,7 +183,7 @@ pub(super) fn trace(
     // The rounding error of a distant origin would exceed the size of triangles. So the ray starts where it is
     // nearest to the origin of coordinates.
     let along = -ray.origin.dot(ray.direction);
-    let skipped = select(along * along > 256.0, along, 0.0f32);
+    let skipped = select(along * along > FAR * FAR, along, 0.0f32);
     let origin = ray.origin + ray.direction * skipped;
     let margin = ROUNDING * (1.0 + origin.abs().max_element());
     let cast = Cast {
@@ -175,18 +203,9 @@ pub(super) fn trace(
         triangle: NONE.runtime(),
     };
     if comptime!(scene.features.boxes) {
-        let inverse = v3(
-            safe_inverse(ray.direction.x),
-            safe_inverse(ray.direction.y),
-            safe_inverse(ray.direction.z),
-        );
-        // Larger than the margin of triangles, by the rounding errors of distances from boxes. So hits do not depend on
-        // the tree.
-        let of_boxes = splat(1.5 * margin);
-        let above = -(origin + of_boxes).times(inverse);
-        let below = -(origin - of_boxes).times(inverse);
+        let slabs = Slabs::new(origin, ray.direction);
         let (nodes, fours) = (scene.nodes, scene.fours);
-        let start = start_of(fours, scene.first_node);
+        let start = start_of(fours, scene.first_node) - CHILD;
         // The end of the stack, which no hit is nearer than.
         memory.stack[0usize] = END;
         memory.distances[0usize] = -f32::MAX;
@@ -195,18 +214,16 @@ pub(super) fn trace(
         while child != END {
             // The threads of a group go on to leaves together.
             while child < LEAF {
-                let at = start + (child - CHILD);
+                let at = start + child;
                 let x = four(nodes, fours, at);
                 let y = four(nodes, fours, at + 1);
                 let z = four(nodes, fours, at + 2);
                 let children = four(nodes, fours, at + 3);
                 let (from, limit) = (cast.from, nearest.t);
-                let low = v3(x.x, y.x, z.x);
-                let high = v3(x.z, y.z, z.z);
-                let first = enter(low, high, above, below, inverse, from, limit);
-                let low = v3(x.y, y.y, z.y);
-                let high = v3(x.w, y.w, z.w);
-                let second = enter(low, high, above, below, inverse, from, limit);
+                let (center, half) = (v3(x.x, y.x, z.x), v3(x.z, y.z, z.z));
+                let first = slabs.enter(center, half, from, limit);
+                let (center, half) = (v3(x.y, y.y, z.y), v3(x.w, y.w, z.w));
+                let second = slabs.enter(center, half, from, limit);
                 let one = children.x.to_bits();
                 let other = children.y.to_bits();
                 if first.is_met || second.is_met {
@@ -225,15 +242,8 @@ pub(super) fn trace(
             }
             if child != END {
                 let first = child & comptime!((1u32 << OTHERS) - 1);
-                let others = (child >> OTHERS) & 3;
-                meet_triangles(
-                    scene,
-                    cast,
-                    first,
-                    first + others + 1,
-                    &mut nearest,
-                    selects,
-                );
+                let count = (child >> OTHERS) - comptime!(((CHILD | LEAF) >> OTHERS) - 1);
+                meet_triangles(scene, cast, first, first + count, &mut nearest, selects);
                 top = last(&memory.distances, top, nearest.t);
                 child = memory.stack[top as usize];
             }

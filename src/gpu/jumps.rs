@@ -40,11 +40,12 @@ pub(super) struct Searches {
     before: u32,
     /// The mean number of searches that are made.
     mean: f32,
-    /// Whether another search is made, the maximum number of searches, and the random numbers of the search.
+    /// Whether another search is made, the maximum number of searches, the search's first set of random numbers, and those
+    /// numbers by which it was decided.
     pub made: bool,
     pub count: u32,
-    pub drawn: Four,
-    pub more: Four,
+    set: u32,
+    pub decided: Four,
 }
 
 #[cube]
@@ -56,8 +57,8 @@ impl Searches {
             made: false,
             mean,
             count: most_searches(mean),
-            drawn: Four::default(),
-            more: Four::default(),
+            set: 0u32,
+            decided: Four::default(),
         }
     }
 
@@ -72,19 +73,25 @@ impl Searches {
         let chance = self.mean / self.count as f32;
         self.made = false;
         while self.before < self.count && !self.made {
-            let set = 3 * bounce + SEARCH_SETS * self.before;
-            let mut u = 0.0f32;
+            self.set = 3 * bounce + SEARCH_SETS * self.before;
+            let set = self.set + comptime!(if of_light { 1u32 } else { 2u32 });
+            self.decided = numbers.draw(scene.points, Dimensions::of_set(set));
+            let mut u = self.decided.x;
             if of_light {
-                self.drawn = numbers.draw(scene.points, Dimensions::of_set(set));
-                self.more = numbers.draw(scene.points, Dimensions::of_set(set + 1));
-                u = self.more.y;
-            } else {
-                self.drawn = numbers.draw(scene.points, Dimensions::of_set(set + 2));
-                u = self.drawn.x;
+                u = self.decided.y;
             }
             self.made = looks_for_edges(scene, bounce, chance, of_light, u);
             self.before += 1;
         }
+    }
+
+    /// Returns the random numbers by which an edge is drawn.
+    fn drawn(&self, scene: &Scene, numbers: &Stream, #[comptime] of_light: bool) -> Four {
+        let mut drawn = self.decided;
+        if of_light {
+            drawn = numbers.draw(scene.points, Dimensions::of_set(self.set));
+        }
+        drawn
     }
 }
 
@@ -138,7 +145,8 @@ pub(super) fn jumps_seen_from(
     while all.made {
         let o: Observer = observer.part(all.count);
         let choice = memory.choice.as_mut_slice();
-        let s: Search = search(scene, all.drawn, all.more, &o, of_light, time, choice, sums);
+        let drawn = all.drawn(scene, &numbers, of_light);
+        let s: Search = search(scene, drawn, all.decided, &o, of_light, time, choice, sums);
         let tree = select(s.moves, 0u32, 1u32);
         let root = root_of(scene, tree, comptime!(sums.of.edge_nodes));
         if s.is_made && root.count > 0 {

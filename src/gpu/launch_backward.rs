@@ -18,13 +18,13 @@ use super::passes::{add_jumps, go_back, keep_paths};
 use super::placed::ViewPlaces;
 use super::records::{JUMPED, RECORD};
 use super::searches::{add_before, blocks_of, in_order, words_of_order};
-use super::sums::{AddingLaunch, MORE, add_replicas, bits_of_each, choose_scales};
+use super::sums::{AddingLaunch, MORE, OF_THREAD, add_replicas, bits_of_each, choose_scales};
 use crate::device::{self, label};
 use crate::model::film::CELL;
 use crate::trace::{BOUNCES, Features};
 
 /// Approximate minimum number of pixels, and of film samples, in the measurement of derivatives.
-const MEASURED: usize = 4096;
+const MEASURED: usize = 1024;
 
 /// Returns the gradient `[N]` of all tensors, from the gradient of the rows of all views `[B·P, C]`. Each group of
 /// views has its own job.
@@ -50,12 +50,12 @@ pub(crate) fn gradient_of(
         let films =
             films.unwrap_or_else(|why| fail(format!("{why}, or several batches of fewer views")));
         let table = Table::new(&job.views.sums, &views);
-        if table.numbers > 0 {
+        if table.threads > 0 {
             let (client, rows) = floats(rows_of(upstream, group, job.of_view));
             let form = Form::new(job, 0);
             let lists = [u32::as_bytes(&table.words), f32::as_bytes(&table.factors)];
             let pass = Pass::new(client, Some(rows), lists, form, job, &films);
-            pass.write_gradient(table.numbers, &list);
+            pass.write_gradient(table.threads, &list);
         }
     }
     // This check reports buffers that could not be allocated and kernels that could not be compiled.
@@ -201,11 +201,11 @@ impl<'a> Pass<'a> {
     }
 
     /// Adds the gradients of tensors, made from sums by the table that was sent along, to `gradient`.
-    fn write_gradient(&self, numbers: usize, gradient: &List) {
+    fn write_gradient(&self, threads: usize, gradient: &List) {
         let (client, [words, factors]) = (&self.client, &self.lists);
         launch!(
             client,
-            numbers,
+            threads,
             write_gradient(
                 self.job.views(client, &self.scene, Features::default()),
                 &self.sums,
@@ -214,7 +214,7 @@ impl<'a> Pass<'a> {
                 words,
                 factors,
                 gradient,
-                numbers as u32
+                threads as u32
             )
         );
     }
@@ -230,7 +230,7 @@ impl<'a> Pass<'a> {
         }
         launch!(
             &self.client,
-            self.sums.length.max(self.form.parts),
+            self.sums.length.div_ceil(OF_THREAD).max(self.form.parts),
             choose_scales(
                 &self.sizes,
                 &self.scales,

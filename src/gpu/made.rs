@@ -170,17 +170,19 @@ fn make_leaf(floats: &mut [f32], words: &[u32], at: At, tree: EdgeTreeAt, scene:
     let edges = words[header + comptime!(HeaderWord::edges_of_leaves as usize)] + lanes * leaf;
     let leaves = words[header + comptime!(HeaderWord::edge_leaves as usize)];
     let block = leaves + LEAF as u32 * lanes * leaf;
-    for k in 0..LEAF as u32 * lanes {
-        floats[(block + k) as usize] = 0.0;
-    }
     let mut bounds = Bounds::none();
     for lane in 0..lanes {
         let index = words[(edges + lane) as usize];
-        if index != NONE {
+        let to = block + LEAF as u32 * lane;
+        if index == NONE {
+            for k in 0..LEAF as u32 {
+                floats[(to + k) as usize] = 0.0;
+            }
+        } else {
             let first = words[(at.of_edges + OF_EDGE as u32 * index) as usize];
             let seen = seen_edge(floats, words, at, index, first);
             let v = velocity(floats, words, at, first);
-            put_edge(floats, (block + LEAF as u32 * lane) as usize, &seen, v);
+            put_edge(floats, to as usize, &seen, v);
             bounds.add_edge(&seen, v);
         }
     }

@@ -2,11 +2,12 @@
 //! launches for all levels but the first also make the nodes of trees over edges.
 
 use super::edge_nodes::{edge_tree_at, make_edge_part};
+use super::hit::FAR;
 use super::vertices::{
     At, CHILDREN_AT, EDGE_PARTS, OF_SCENE, PartsAt, TRIANGLE_PARTS, lists_at, parts_at, velocity,
     vertex,
 };
-use crate::accel::{CHILD, CHILDREN, LEAF, OF_NODE, OTHERS};
+use crate::accel::{CHILD, CHILDREN, LEAF, OF_NODE, OTHERS, ROUNDING};
 use crate::cube::*;
 use crate::model::{V3, splat, v3};
 use crate::trace::{HEADER, HeaderWord, NONE};
@@ -41,6 +42,25 @@ struct Around {
     high: V3,
 }
 
+#[cube]
+impl Around {
+    /// Returns a box around triangles that is larger than their margin (`gpu/hit`), so that hits do not depend on the
+    /// tree. A ray that hits the box starts at most at the distance [`FAR`] plus that of the box from the origin of
+    /// coordinates. Boxes are not larger than [`MOST`].
+    fn with_margin(&self) -> Around {
+        let largest = self.low.abs().max(self.high.abs()).max_element();
+        // The largest component is at least the length divided by √3.
+        let margin = splat(1.5 * ROUNDING * (1.0 + FAR + 3.5 * largest));
+        Around {
+            low: (self.low - margin).max(splat(-MOST)),
+            high: (self.high + margin).min(splat(MOST)),
+        }
+    }
+}
+
+/// The largest coordinate of a box. Larger triangles are never hit, since their normals are not finite.
+const MOST: f32 = 1e20;
+
 /// Returns a box that contains nothing.
 #[cube]
 fn nothing() -> Around {
@@ -69,6 +89,17 @@ fn with_triangle(
     around
 }
 
+/// Returns a box of a node.
+#[cube]
+fn box_at(floats: &mut [f32], first: u32) -> Around {
+    let center = of_axes(floats, first);
+    let half = of_axes(floats, first + 2);
+    Around {
+        low: center - half,
+        high: center + half,
+    }
+}
+
 /// Returns three numbers of a node, one for each axis.
 #[cube]
 fn of_axes(floats: &mut [f32], first: u32) -> V3 {
@@ -86,6 +117,7 @@ fn set_of_axes(floats: &mut [f32], first: u32, v: V3) {
 }
 
 /// Writes a node: the boxes of both children, around the triangles of leaves and the boxes of nodes, and the children.
+/// Each box is enlarged by the rounding errors of its intersection with rays.
 #[cube]
 fn make_node(floats: &mut [f32], words: &[u32], at: At, tree: TreeAt, node: u32) {
     let to = tree.nodes + OF_NODE * node;
@@ -94,8 +126,10 @@ fn make_node(floats: &mut [f32], words: &[u32], at: At, tree: TreeAt, node: u32)
         let mut around = nothing();
         if child < LEAF {
             let below = tree.nodes + 4 * (child - CHILD);
-            around.low = of_axes(floats, below).min(of_axes(floats, below + 1));
-            around.high = of_axes(floats, below + 2).max(of_axes(floats, below + 3));
+            let first = box_at(floats, below);
+            let second = box_at(floats, below + 1);
+            around.low = first.low.min(second.low);
+            around.high = first.high.max(second.high);
         } else {
             let mut place = tree.triangles + (child & comptime!((1u32 << OTHERS) - 1));
             let past = place + ((child >> OTHERS) & 3) + 1;
@@ -104,9 +138,16 @@ fn make_node(floats: &mut [f32], words: &[u32], at: At, tree: TreeAt, node: u32)
                 around = with_triangle(floats, words, at, triangle, around);
                 place += 1;
             }
+            around = around.with_margin();
         }
-        set_of_axes(floats, to + side, around.low);
-        set_of_axes(floats, to + 2 + side, around.high);
+        let center = around.low * 0.5 + around.high * 0.5;
+        let half = (around.high - center).max(center - around.low);
+        set_of_axes(floats, to + side, center);
+        set_of_axes(
+            floats,
+            to + 2 + side,
+            half + (center.abs() + half) * ROUNDING,
+        );
         floats[(to + CHILDREN + side) as usize] = f32::from_bits(child);
     }
 }

@@ -109,10 +109,14 @@ pub(super) fn path_light(
                 light.looked += 1;
             }
         }
+        // These conditions are not nested, since a value that a branch sets is merged at the end of each condition around it.
         let missed = hit.triangle == NONE;
-        if !walk.arrives() {
+        let looked = walk.arrives();
+        let arrives = looked && !missed && !walk.is_last(scene);
+        if !looked {
             take_light(&mut walk, &mut light, missed, keep);
-        } else if missed {
+        }
+        if looked && missed {
             // If surfaces gather the light of the map, escaping bounce rays add only the waiting light.
             if walk.purpose == OF_CAMERA || comptime!(scene.features.sees_sky) {
                 walk.bits |= ESCAPED;
@@ -125,10 +129,11 @@ pub(super) fn path_light(
                     light.seen.radiance += walk.waiting;
                 }
             }
+        }
+        if looked && !arrives {
             walk.purpose = ENDED;
-        } else if walk.is_last(scene) {
-            walk.purpose = ENDED;
-        } else {
+        }
+        if arrives {
             arrive(scene, &path, &start, &hit, &mut walk, &mut light, beside);
             if keep {
                 keep_arrival(records, room, &hit, &mut walk, light.points);
@@ -137,6 +142,10 @@ pub(super) fn path_light(
             look_around(scene, memory, &path, &mut walk);
         }
         connect(scene, memory, &path, &mut walk);
+        let goes_on = walk.bounce < scene.bounces || comptime!(scene.features.sees_sky);
+        if walk.purpose == ONWARDS && !goes_on {
+            walk.purpose = ENDED;
+        }
         if walk.purpose == ONWARDS {
             go_on(scene, records, room, &path, &mut walk, light.points, keep);
         }
@@ -366,33 +375,30 @@ fn go_on(
     points: u32,
     #[comptime] keep: bool,
 ) {
-    walk.purpose = ENDED;
-    if walk.bounce < scene.bounces || comptime!(scene.features.sees_sky) {
-        let mut u = 0.0f32;
-        if comptime!(scene.features.roulette) {
-            u = path.choices(scene, walk.bounce).y;
-        }
-        let cone = path.cone(scene, walk.bounce);
-        let left = leave(
-            scene,
-            &walk.point,
-            &walk.scatter,
-            walk.throughput,
-            walk.bounce,
-            u,
-            cone.x,
-            cone.y,
-        );
+    let mut u = 0.0f32;
+    if comptime!(scene.features.roulette) {
+        u = path.choices(scene, walk.bounce).y;
+    }
+    let cone = path.cone(scene, walk.bounce);
+    let left = leave(
+        scene,
+        &walk.point,
+        &walk.scatter,
+        walk.throughput,
+        walk.bounce,
+        u,
+        cone.x,
+        cone.y,
+    );
+    walk.purpose = select(left.goes_on, ONWARDS, ENDED);
+    walk.throughput = left.throughput;
+    walk.origin = left.start;
+    walk.direction = left.bend.direction;
+    walk.limit = f32::MAX;
+    if keep {
         if left.goes_on {
-            walk.purpose = ONWARDS;
-            walk.throughput = left.throughput;
-            walk.origin = left.start;
-            walk.direction = left.bend.direction;
-            walk.limit = f32::MAX;
-            if keep {
-                walk.bits |= WENT_ON;
-                records[room.at(points - 1, OF_SURVIVAL)] = left.survival.to_bits();
-            }
+            walk.bits |= WENT_ON;
+            records[room.at(points - 1, OF_SURVIVAL)] = left.survival.to_bits();
         }
     }
 }

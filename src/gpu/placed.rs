@@ -1,4 +1,5 @@
-//! Tensors of meshes and materials that the device places into the lists of scenes, from the row of all tracked tensors.
+//! Tensors of meshes, materials and lights that the device places into the lists of scenes, from the row of all tracked
+//! tensors.
 //! The host reads later how far vertices have moved, and their values on request.
 
 use std::collections::HashSet;
@@ -11,16 +12,18 @@ use burn::backend::Cube;
 use burn::cubecl::bytes::Bytes;
 use burn::cubecl::future::block_on;
 use burn::tensor::Tensor;
+use glam::DVec3;
 
 use crate::cube::*;
 
 use super::device::{List, floats, launch};
 use crate::geometry::detached;
 use crate::kernel::{KernelScene, View};
+use crate::model::delta_light::{OF_LIGHT, OF_STRENGTH};
 use crate::model::numbers::{is_finite, magnitude};
 use crate::model::texture::Texture;
 use crate::model::triangle::AREA;
-use crate::scene::{CHANNELS, ParameterId};
+use crate::scene::{CHANNELS, LightPart, ParameterId};
 use crate::trace::{HEADER, HeaderWord};
 
 /// The ranges of a view's tensors in the row, and in its gradient.
@@ -30,13 +33,13 @@ pub(crate) type TensorPlaces<'a> = &'a [(ParameterId, Range<usize>)];
 pub(crate) type ViewPlaces<'a> = (&'a View, TensorPlaces<'a>, TensorPlaces<'a>);
 
 /// Number of words of a tensor in the table: the number of elements before it in the table, its first element in the
-/// row, its first place in the buffer, and [`OF_VERTICES`] or the distance between its elements there. For vertices,
-/// the bits of numbers follow: the center of the scene's frame as two numbers per axis, 1 over the frame's unit, and 1
+/// row, its first place in the buffer, and [`OF_VERTICES`] or the distance between its elements there. The bits of numbers
+/// follow: the origin of the elements as two numbers per axis, the factor by which they are multiplied, and for vertices 1
 /// over a typical length of edges.
 const OF_TENSOR: usize = 12;
 const CENTER: usize = 4;
 const REST: usize = 7;
-const PER_UNIT: usize = 10;
+const SCALE: usize = 10;
 const PER_EDGE: usize = 11;
 /// Marks vertices. Lists store each of their coordinates in the scene's frame, as the sum of two numbers.
 const OF_VERTICES: u32 = 0;
@@ -148,10 +151,13 @@ impl Placing {
         [start, length]: [usize; 2],
         header: &[u32],
     ) {
-        let Some((list, first, apart)) = place_of(scene, id, length) else {
+        let Some(place) = place_of(scene, id, length) else {
             return;
         };
-        let to = header[list as usize] + first as u32;
+        let (to, apart) = (
+            header[place.list as usize] + place.first as u32,
+            place.apart,
+        );
         self.moves |= apart == OF_VERTICES;
         let of_list = match apart {
             OF_VERTICES => 2 * length,
@@ -160,18 +166,15 @@ impl Placing {
         self.ranges.push(to as usize..to as usize + of_list);
         let before = self.elements as u32;
         self.table.extend([before, start as u32, to, apart]);
-        let center = scene.frame.center;
-        let coarse = center.as_vec3();
-        let rest = (center - coarse.as_dvec3()).as_vec3();
+        let coarse = place.origin.as_vec3();
+        let rest = (place.origin - coarse.as_dvec3()).as_vec3();
         let numbers = [coarse, rest].map(|v| v.to_array());
-        let units = [
-            1.0 / scene.frame.unit as f32,
-            match id {
-                ParameterId::Vertices(i) => 1.0 / typical_edge(scene, i).max(f32::MIN_POSITIVE),
-                _ => 0.0,
-            },
-        ];
-        let numbers = numbers.as_flattened().iter().chain(&units);
+        let per_edge = match id {
+            ParameterId::Vertices(i) => 1.0 / typical_edge(scene, i).max(f32::MIN_POSITIVE),
+            _ => 0.0,
+        };
+        let factors = [place.scale as f32, per_edge];
+        let numbers = numbers.as_flattened().iter().chain(&factors);
         self.table.extend(numbers.map(|x| x.to_bits()));
         self.elements += length;
     }
@@ -198,13 +201,19 @@ impl Placing {
     }
 }
 
-/// Returns where a tensor with `length` elements is placed: its list, its first place in it, and [`OF_VERTICES`] or the
-/// distance between its elements. Returns `None` for tensors that the host takes.
-fn place_of(
-    scene: &KernelScene,
-    id: ParameterId,
-    length: usize,
-) -> Option<(HeaderWord, usize, u32)> {
+/// Where a tensor is placed.
+struct Place {
+    list: HeaderWord,
+    /// Its first place in the list, and [`OF_VERTICES`] or the distance between its elements.
+    first: usize,
+    apart: u32,
+    /// Elements are stored relative to the origin, times the scale.
+    origin: DVec3,
+    scale: f64,
+}
+
+/// Returns where a tensor with `length` elements is placed, or `None` for tensors that the host takes.
+fn place_of(scene: &KernelScene, id: ParameterId, length: usize) -> Option<Place> {
     use HeaderWord as W;
     use ParameterId as Id;
     let objects = &scene.lists.objects;
@@ -213,8 +222,13 @@ fn place_of(
         let apart = 3 * texture.width as usize * texture.height as usize / length;
         (W::texels, 3 * texture.first as usize, apart as u32)
     };
-    Some(match id {
-        Id::Vertices(i) => (W::vertices, 6 * objects[i].first_vertex, OF_VERTICES),
+    let (center, per_unit) = (scene.frame.center, 1.0 / scene.frame.unit);
+    let (mut origin, mut scale) = (DVec3::ZERO, 1.0);
+    let (list, first, apart) = match id {
+        Id::Vertices(i) => {
+            (origin, scale) = (center, per_unit);
+            (W::vertices, 6 * objects[i].first_vertex, OF_VERTICES)
+        }
         Id::Uvs(i) => (W::uvs, 2 * objects[i].first_uv, 1),
         Id::Normals(i) => (W::normals, 3 * objects[i].first_normal, 1),
         Id::Colors(i) => (W::colors, 3 * objects[i].first_color, 1),
@@ -224,7 +238,25 @@ fn place_of(
             Some(texture) => texels(texture),
             None => (W::materials, 3 * (CHANNELS * m + channel.place()), 1),
         },
+        Id::Light(i, LightPart::Position) => {
+            (origin, scale) = (center, per_unit);
+            (W::lights, OF_LIGHT * i, 1)
+        }
+        Id::Light(i, part @ (LightPart::Intensity | LightPart::Irradiance)) => {
+            if part == LightPart::Intensity {
+                scale = per_unit * per_unit;
+            }
+            (W::lights, OF_LIGHT * i + OF_STRENGTH, 1)
+        }
+        Id::Environment => (W::sky, 0, 1),
         _ => return None,
+    };
+    Some(Place {
+        list,
+        first,
+        apart,
+        origin,
+        scale,
     })
 }
 
@@ -272,25 +304,27 @@ fn place_tensors(
         let value = row[(table[of + 1] + i) as usize];
         let first = table[of + 2];
         let mut moved = 0u32;
+        let axis = (i % 3) as usize;
+        let center = f32::from_bits(table[of + CENTER + axis]);
+        let rest_of_center = f32::from_bits(table[of + REST + axis]);
+        let scale = f32::from_bits(table[of + SCALE]);
+        // The difference from the origin.
+        let away = value - center;
         if table[of + 3] == OF_VERTICES {
-            let axis = (i % 3) as usize;
-            let center = f32::from_bits(table[of + CENTER + axis]);
-            // The difference from the center, and its rounding error.
-            let away = value - center;
+            // Its rounding error.
             let back = away - value;
             let error = (value - (away - back)) - (center + back);
-            let rest = error - f32::from_bits(table[of + REST + axis]);
+            let rest = error - rest_of_center;
             let rounded = away + rest;
             let remainder = rest - (rounded - away);
-            let per_unit = f32::from_bits(table[of + PER_UNIT]);
             let to = (first + 6 * (i / 3)) as usize + axis;
-            let new = rounded * per_unit;
+            let new = rounded * scale;
             let move_of_it = (new - lists[to]) * f32::from_bits(table[of + PER_EDGE]);
             moved = magnitude(move_of_it);
             lists[to] = new;
-            lists[to + 3] = remainder * per_unit;
+            lists[to + 3] = remainder * scale;
         } else {
-            lists[(first + i * table[of + 3]) as usize] = value;
+            lists[(first + i * table[of + 3]) as usize] = (away - rest_of_center) * scale;
         }
         // The bits of any number that is not finite are above all others.
         let bits = select(is_finite(value), moved, magnitude(value));

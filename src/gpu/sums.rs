@@ -80,6 +80,9 @@ fn scale_of(largest: u32, of_all: u32, keep: i32) -> f32 {
     f32::from_bits(((power + 127) as u32) << 23)
 }
 
+/// Number of sums that a thread of [`choose_scales`] sets to 0.
+pub(super) const OF_THREAD: usize = 8;
+
 /// Chooses the scales of parts from the largest derivatives that measuring launches stored, and sets all sums to 0.
 #[cube(launch)]
 pub(super) fn choose_scales(
@@ -89,8 +92,10 @@ pub(super) fn choose_scales(
     keep: i32,
     sums: &mut [u32],
 ) {
-    if ABSOLUTE_POS < sums.len() {
-        sums[ABSOLUTE_POS] = 0;
+    let mut at = ABSOLUTE_POS;
+    while at < sums.len() {
+        sums[at] = 0;
+        at += CUBE_COUNT * CUBE_DIM as usize;
     }
     if ABSOLUTE_POS < parts as usize {
         let mut most = 0u32;

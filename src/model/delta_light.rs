@@ -48,6 +48,10 @@ pub(crate) struct DeltaGradient {
 /// Minimum difference of the cosines between which a spot falls off.
 const NARROW: f32 = 1e-3;
 
+/// The number of floats of a light in a list, and the first of its strength.
+pub(crate) const OF_LIGHT: usize = 11;
+pub(crate) const OF_STRENGTH: usize = 6;
+
 const SPOT: u32 = LightKind::Spot as u32;
 const DIRECTIONAL: u32 = LightKind::Directional as u32;
 
@@ -55,12 +59,12 @@ const DIRECTIONAL: u32 = LightKind::Directional as u32;
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn delta_light_at(numbers: &[f32], kinds: &[u32], i: u32) -> DeltaLight {
-    let list = &numbers[11 * i as usize..];
+    let list = &numbers[OF_LIGHT * i as usize..];
     let cos_outer = list[10];
     DeltaLight {
         position: vector(list, 0u32),
         axis: vector(list, 3u32),
-        strength: vector(list, 6u32),
+        strength: vector(list, OF_STRENGTH as u32),
         kind: kinds[i as usize],
         cos_inner: list[9],
         cos_outer,
@@ -69,8 +73,8 @@ pub(crate) fn delta_light_at(numbers: &[f32], kinds: &[u32], i: u32) -> DeltaLig
 
 impl DeltaLight {
     /// Returns the light's floats in a list, in the order of the fields.
-    pub fn numbers(&self) -> [f32; 11] {
-        let mut numbers = [0.0; 11];
+    pub fn numbers(&self) -> [f32; OF_LIGHT] {
+        let mut numbers = [0.0; OF_LIGHT];
         let vectors = [self.position, self.axis, self.strength].map(V3::to_array);
         numbers[..9].copy_from_slice(vectors.as_flattened());
         numbers[9..].copy_from_slice(&[self.cos_inner, self.cos_outer]);
@@ -80,8 +84,14 @@ impl DeltaLight {
     /// Returns the derivative with respect to a parameter set by the user, from the derivatives with respect to the
     /// light's floats. `unit` is the number of scene units in an internal unit, and `length` the length of the
     /// direction as given.
-    pub fn by_part(&self, by: [f64; 11], part: LightPart, unit: f64, length: f64) -> [f64; 3] {
-        let [position, axis, strength] = [0, 3, 6].map(|k| DVec3::from_slice(&by[k..]));
+    pub fn by_part(
+        &self,
+        by: [f64; OF_LIGHT],
+        part: LightPart,
+        unit: f64,
+        length: f64,
+    ) -> [f64; 3] {
+        let [position, axis, strength] = [0, 3, OF_STRENGTH].map(|k| DVec3::from_slice(&by[k..]));
         // The derivative of a cosine with respect to its angle in degrees.
         let slope =
             |cosine: f32| -(1.0 - f64::from(cosine).powi(2)).max(0.0).sqrt() * 1f64.to_radians();

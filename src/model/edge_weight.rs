@@ -126,6 +126,17 @@ impl Query {
     }
 }
 
+/// Returns whether a sphere is outside of the cone of a query by more than rounding errors. Such a subtree has weight 0.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+pub(crate) fn is_outside(center: V3, radius: f32, q: &Query) -> bool {
+    let r = center - q.x;
+    let along = r.dot(q.axis);
+    let across = r.length_squared() - along * along;
+    let limit = radius + along * q.sin + (radius + along.abs()) * 1e-5;
+    limit < 0.0 || across * (q.cos * q.cos) > limit * limit
+}
+
 #[cfg_attr(feature = "gpu", cube)]
 impl Subtree {
     /// Returns its estimate. A traversal enters subtrees that are seen under an angle whose sine is at least `large`.
@@ -144,27 +155,21 @@ impl Subtree {
         let sin_sum = self.sin * cos_seen + self.cos * sin_seen;
         let cos_sum = self.cos * cos_seen - self.sin * sin_seen;
         let facing = self.axis.dot(r) / max(distance, 1e-20);
+        let turned = facing.abs();
         // If normals and directions spread over more than a half-space, no case can be excluded.
         let narrow = cos_sum > 0.0 && distance >= radius;
-        let mut fold = self.jumps.fold / (sin_sum.abs() + 0.05);
-        if narrow && sin_sum < facing.abs() {
-            fold = 0.0f32;
-        }
-        let mut crease = self.jumps.of_crease(q);
-        if narrow && sin_sum < facing && self.jumps.closed > 0.0 {
-            crease = 0.0f32;
-        }
+        let no_fold = narrow && sin_sum < turned;
+        let fold = select(no_fold, 0.0, self.jumps.fold / (sin_sum.abs() + 0.05));
+        let no_crease = narrow && sin_sum < facing && self.jumps.closed > 0.0;
+        let crease = select(no_crease, 0.0, self.jumps.of_crease(q));
         let nearest = min(
             max((along + radius) / max(distance + radius, TINY), 0.0),
             1.0,
         );
         let jump = self.jumps.always(q) + fold + crease;
-        let mut weight = jump * q.lobe(nearest) / max(squared + radius * radius, 1e-37);
-        if radius < beside {
-            weight = 0.0f32;
-        }
+        let weight = jump * q.lobe(nearest) / max(squared + radius * radius, 1e-37);
         Estimate {
-            weight,
+            weight: select(radius < beside, 0.0, weight),
             enter: beside + radius >= 0.0 || sin_seen >= large,
         }
     }
@@ -191,21 +196,13 @@ impl SeenEdge {
     /// that is narrower than a half-space.
     #[inline(always)]
     pub fn weight_in_cone(&self, jump: f32, q: &Query) -> f32 {
-        let mut weight = 0.0f32;
-        if jump > 0.0 {
-            weight = jump * self.in_cone(q);
-        }
-        weight
+        select(jump > 0.0, jump * self.in_cone(q), 0.0)
     }
 
     /// [`SeenEdge::weight_in_cone`] for a query over a half-space.
     #[inline(always)]
     pub fn weight_over_horizon(&self, jump: f32, q: &Query) -> f32 {
-        let mut weight = 0.0f32;
-        if jump > 0.0 {
-            weight = jump * self.over_horizon(q);
-        }
-        weight
+        select(jump > 0.0, jump * self.over_horizon(q), 0.0)
     }
 
     /// Returns an upper bound of the distance to any point of the edge.
@@ -220,18 +217,12 @@ impl SeenEdge {
         // The point's heights above both faces.
         let front = -self.front.dot(self.to);
         let back = -self.back.dot(self.to);
-        let mut jump = self.jumps.of_crease(q);
-        if self.jumps.closed > 0.0 && front <= 0.0 && back <= 0.0 {
-            jump = 0.0f32;
-        }
-        if front * back < 0.0 {
-            jump = self.jumps.fold;
-        }
+        let unseen = self.jumps.closed > 0.0 && front <= 0.0 && back <= 0.0;
+        let crease = select(unseen, 0.0, self.jumps.of_crease(q));
+        let jump = select(front * back < 0.0, self.jumps.fold, crease);
         // If the point lies in the plane of a face, it sees that face edge-on.
-        if min(front.abs(), back.abs()) < self.away() * 1e-6 {
-            jump = 0.0f32;
-        }
-        jump + self.jumps.always(q)
+        let edge_on = min(front.abs(), back.abs()) < self.away() * 1e-6;
+        select(edge_on, 0.0, jump) + self.jumps.always(q)
     }
 
     #[inline(always)]
@@ -265,25 +256,20 @@ impl SeenEdge {
         // The sine of the angle between the axis and the plane of the edge, and whether the axis lies outside of the
         // edge's ends.
         let sine = q.axis.dot(s.c) / (s.swept + TINY);
-        let outside = a.cross(q.axis).dot(s.c) > 0.0 || q.axis.cross(b).dot(s.c) > 0.0;
+        let before = a.cross(q.axis).dot(s.c);
+        let behind = q.axis.cross(b).dot(s.c);
+        let outside = before > 0.0 || behind > 0.0;
         let by_ends = max(cos_a, cos_b);
         let chord = max(q.sin * q.sin - sine * sine, 1e-12).sqrt();
         let part = min(s.angle, chord + chord);
-        let mut by_end = far_a;
-        if cos_a < cos_b {
-            by_end = far_b;
-        }
-        let mut distance = (s.swept * s.swept) / (self.along.cross(q.axis).dot(s.c).abs() + TINY);
-        let mut cosine = max(1.0 - sine * sine, 0.0).sqrt();
-        if outside {
-            cosine = by_ends;
-            distance = by_end;
-        }
-        let mut weight = part / (distance + TINY) * q.lobe(max(cosine, 0.0));
-        if by_ends < q.cos && (outside || q.sin < sine.abs()) {
-            weight = 0.0f32;
-        }
-        weight
+        let by_end = select(cos_a < cos_b, far_b, far_a);
+        let between = (s.swept * s.swept) / (self.along.cross(q.axis).dot(s.c).abs() + TINY);
+        let distance = select(outside, by_end, between);
+        let cosine = select(outside, by_ends, max(1.0 - sine * sine, 0.0).sqrt());
+        let weight = part / (distance + TINY) * q.lobe(max(cosine, 0.0));
+        let apart = sine.abs();
+        let misses = by_ends < q.cos && (outside || q.sin < apart);
+        select(misses, 0.0, weight)
     }
 
     /// Returns angle over distance for an edge above the horizon, times approximately cos θ if the query has a lobe.
@@ -293,13 +279,54 @@ impl SeenEdge {
         // The sum of the heights of both ends.
         let height = max(s.along + s.rise, 0.0) + max(s.along - s.rise, 0.0);
         let away = self.away();
-        let mut lobe = 0.0f32;
-        if height > 0.0 {
-            lobe = 1.0f32;
-            if q.exponent > 0.0 {
-                lobe = height / (away + away);
-            }
+        let lobe = select(q.exponent > 0.0, height / (away + away), 1.0);
+        s.angle / s.near * select(height > 0.0, lobe, 0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::model::v3;
+
+    proptest! {
+        /// A subtree outside of a cone has weight 0, and many subtrees are outside.
+        #[test]
+        fn nothing_outside_of_a_cone_counts(
+            center in prop::array::uniform3(-3.0f32..3.0),
+            x in prop::array::uniform3(-3.0f32..3.0),
+            axis in prop::array::uniform3(-1.0f32..1.0),
+            (radius, half) in (0.0f32..1.0, 0.0f32..1.57),
+        ) {
+            let axis = V3::from(axis);
+            prop_assume!(axis.length() > 0.01);
+            let query = Query {
+                x: V3::from(x),
+                time: 0.0,
+                axis: axis.normalize(),
+                cos: half.cos(),
+                sin: half.sin(),
+                exponent: 0.0,
+                shadows: true,
+            };
+            let subtree = Subtree {
+                center: V3::from(center),
+                radius,
+                axis: v3(0.0, 0.0, 1.0),
+                cos: 1.0,
+                sin: 0.0,
+                jumps: Jumps::of_kind(BORDER, 0.0, false),
+            };
+            let weight = subtree.estimate(&query, 0.1).weight;
+            let outside = is_outside(subtree.center, radius, &query);
+            prop_assert!(!outside || weight == 0.0);
+            // The angle between the sphere and the cone, if the point is not in the sphere.
+            let to = subtree.center - query.x;
+            let away = (to.dot(query.axis) / to.length()).acos() - half;
+            let apart = away - (radius / to.length()).min(1.0).asin();
+            prop_assert!(outside || radius >= to.length() || apart < 0.01 || away > 1.57);
         }
-        s.angle / s.near * lobe
     }
 }

@@ -66,17 +66,18 @@ impl HierarchyCache {
     }
 
     /// Reads tracked values back from a GPU only in one of `renders` renders, and without waiting. This is for training steps
-    /// that change materials, or move vertices by little; 8 is a good number. With 1, the default, each render waits for its
+    /// that change materials or lights, or move vertices by little; 8 is a good number. With 1, the default, each render waits for its
     /// own values.
     ///
-    /// In the other renders the device takes the values of tracked meshes and materials from their tensors, and computes
+    /// In the other renders the device takes the values of tracked meshes, materials and lights from their tensors, and computes
     /// triangles, boxes, edges and their bounds from them. The host reuses what it has prepared from earlier values: which
     /// edges meshes have, the shapes of trees, and how many samples an edge on the film has. When values arrive, another
     /// thread prepares the same from them. The render that makes the next request begins to use it, or an earlier one if
     /// vertices have moved far. So the values in use are at most 2 × `renders` renders old.
     ///
-    /// Images are those of renders that read. Gradients differ by noise, since edges are drawn in another order. They miss
-    /// edges that did not count with the values in use: between faces in one plane whose colors, texture coordinates and
+    /// Images are those of renders that read. Gradients differ by noise, since edges are drawn in another order. If lights
+    /// change, images differ by noise, too: one of several emitters, and directions to an environment map, are chosen by the
+    /// values in use. Gradients miss edges that did not count with the values in use: between faces in one plane whose colors, texture coordinates and
     /// normals were the same on both sides, and at faces that had no area. They also miss lines in which bodies have come to
     /// intersect since.
     ///
@@ -86,8 +87,8 @@ impl HierarchyCache {
     /// - the render before it had the same options except the seed, and the same scenes and cameras except the values of
     ///   tracked tensors,
     /// - the graph of the render before it was dropped, and its backward pass has not failed,
-    /// - tracked tensors are those of meshes (vertices, texture coordinates, normals, colors, tangents) and of materials
-    ///   (constants, textures and normal maps, but not emission),
+    /// - tracked tensors are those of meshes (vertices, texture coordinates, normals, colors, tangents), of materials
+    ///   (constants, textures and normal maps), of delta lights (positions, intensities, irradiances) and of the environment,
     /// - meshes with normal maps have tangents,
     /// - objects with tracked vertices or texture coordinates do not emit light, those with tracked texture coordinates
     ///   have no alpha mask, and with the values in use those with tracked vertices intersected no other object,

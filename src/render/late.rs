@@ -1,6 +1,6 @@
-//! Late steps: renders on a GPU that wait for nothing. The device places tensors of meshes and materials into its lists. The
-//! host works with values that it has read before, and gets to know a render later how far vertices have moved. Another
-//! thread prepares newer values meanwhile.
+//! Late steps: renders on a GPU that wait for nothing. The device places tensors of meshes, materials and lights into its
+//! lists. The host works with values that it has read before, and gets to know a render later how far vertices have moved.
+//! Another thread prepares newer values meanwhile.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
@@ -16,8 +16,8 @@ use crate::geometry::{Context, detached};
 use crate::gpu::{Reading, Row, identity_and_strides};
 use crate::kernel::View;
 use crate::scene::{
-    Camera, Channel, Detach, Object, Parameter, ParameterId, Projection, Value, Visit, host_device,
-    look_at_scene, visit_camera, visit_scene,
+    Camera, Detach, LightPart, Object, Parameter, ParameterId, Projection, Value, Visit,
+    host_device, look_at_scene, visit_camera, visit_scene,
 };
 
 /// The largest move of a vertex since the values in use, divided by a typical length of edges.
@@ -149,7 +149,7 @@ pub(super) fn serve(views: &[(View, Places)]) -> bool {
 
 impl Look {
     /// Returns the look of a render, or `None` if the next one can't be late: if tensors are tracked that the device does
-    /// not place, if surfaces with holes or those that emit change, on a CPU, or if the host has no tensors of its own.
+    /// not place, if surfaces with holes change, if surfaces that emit move, on a CPU, or if the host has no tensors of its own.
     fn new(batch: &Batch, options: &RenderOptions) -> Option<Self> {
         let placed = batch.on_host.is_none() && !options.adaptive && !options.diagnostics;
         let placed = placed && host_device().is_some();
@@ -266,7 +266,8 @@ impl Visit for Hash64 {
                 self.mapped.push(i);
             }
             Id::Normals(_) | Id::Colors(_) | Id::Tangents(_) | Id::NormalMap(_) => {}
-            Id::Material(_, channel) if channel != Channel::Emission => {}
+            Id::Material(..) | Id::Environment => {}
+            Id::Light(_, LightPart::Position | LightPart::Intensity | LightPart::Irradiance) => {}
             _ => self.is_right = false,
         }
     }

@@ -59,6 +59,13 @@ pub(super) fn place_of(first: usize, k: usize) -> usize {
     first + LANES * k
 }
 
+/// Returns the first branch or edge from `from` on that counts, given the bits of these. On the host all of them count,
+/// since it computes eight at once.
+#[inline(always)]
+pub(super) fn next_of(_bits: u32, from: usize) -> usize {
+    from
+}
+
 /// The same in kernels.
 #[cfg(feature = "gpu")]
 mod in_kernels {
@@ -84,6 +91,13 @@ mod in_kernels {
     pub(super) fn place(first: usize, k: usize) -> usize {
         first + k
     }
+
+    #[cube]
+    pub(super) fn next(bits: u32, from: usize) -> usize {
+        // The bit behind all others is always found.
+        let left = (bits | comptime!(1u32 << LANES as u32)) >> from as u32;
+        from + left.trailing_zeros() as usize
+    }
 }
 
 #[cfg(feature = "gpu")]
@@ -99,4 +113,9 @@ pub(super) mod four_of {
 #[cfg(feature = "gpu")]
 pub(super) mod place_of {
     pub(in super::super) use super::in_kernels::place::expand;
+}
+
+#[cfg(feature = "gpu")]
+pub(super) mod next_of {
+    pub(in super::super) use super::in_kernels::next::expand;
 }

@@ -6,12 +6,12 @@
     reason = "the language of kernels has no other form"
 )]
 
-use super::blocks::{Blocks, block_at, four_of, place_of};
+use super::blocks::{Blocks, block_at, four_of, next_of, place_of};
 use crate::accel::LANES;
 use crate::accel::eights::{sum_of, weight};
 use crate::cube::*;
 use crate::model::choice::{Uniform, is_positive};
-use crate::model::edge_weight::{Jumps, Query, SeenEdge, Subtree};
+use crate::model::edge_weight::{Jumps, Query, SeenEdge, Subtree, is_outside};
 use crate::model::{Four, Pair, V3, v3};
 
 /// A tree over edges, the part of a tree below a node, or a list of leaves.
@@ -69,12 +69,11 @@ const LARGE: f32 = 0.25;
 const BUDGET_OF_LIGHT: u32 = 1024;
 const LARGE_OF_LIGHT: f32 = 0.06;
 
-/// The memory of a draw, in words: eight weights, whether to enter each of these branches, the weights of the kept
+/// The memory of a draw, in words: eight weights, which are negative for branches to be entered, the weights of the kept
 /// leaf, and the stack of nodes to be entered, each with 1 over its probability.
 pub(crate) const ROOM: usize = STACK + 2 * ENTERED as usize;
-const ENTERS: usize = 8;
-const KEPT: usize = 16;
-const STACK: usize = 24;
+const KEPT: usize = 8;
+const STACK: usize = 16;
 const ENTERED: u32 = 64;
 
 #[cfg_attr(feature = "gpu", cube)]
@@ -194,47 +193,70 @@ pub(super) fn stored_fold(list: &mut [f32], first: usize) -> f32 {
     list[place_of(first, FOLD)]
 }
 
-/// Computes the weights of the branches of a node, and whether each is to be entered.
+/// Computes the weights of the branches of a node, and makes those negative that are to be entered. Returns bits of the
+/// branches that GPUs examine, for [`next_of`]: those that are not outside of the cone.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
-fn weigh_node(tree: &Root, node: usize, q: &Query, large: f32, room: &mut [u32]) {
+fn weigh_node(tree: &Root, node: usize, q: &Query, large: f32, room: &mut [u32]) -> u32 {
     let block: Blocks = block_at(&tree.nodes, NODE, node);
-    for i in 0..repeated(LANES, tree.count) {
-        let found = subtree(&block, i).estimate(q, large);
-        let enters = select(found.enter, 1u32, 0u32);
-        room[i] = found.weight.to_bits();
-        room[ENTERS + i] = enters;
+    let lanes = repeated(LANES, tree.count);
+    let mut near = 0u32;
+    for i in 0..lanes {
+        let of_place: Four = four_of(&block, NODE, i, 0usize);
+        let is_out = is_outside(of_place.vector(), of_place.w, q);
+        near |= select(is_out, 0u32, 1u32 << i as u32);
     }
+    let mut i = next_of(near, 0usize);
+    while i < lanes {
+        let found = subtree(&block, i).estimate(q, large);
+        room[i] = select(found.enter, -found.weight, found.weight).to_bits();
+        i = next_of(near, i + 1);
+    }
+    near
 }
 
 /// Computes the weights of the edges of a leaf and returns their sum. In most leaves nothing jumps, and the rest is
-/// skipped.
+/// skipped. GPUs skip edges at which nothing jumps.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 fn weigh_leaf(tree: &Root, leaf: usize, q: &Query, room: &mut [u32]) -> f32 {
     let block: Blocks = block_at(&tree.leaves, LEAF, leaf);
     let lanes = repeated(LANES, tree.count);
+    let mut jumping = 0u32;
     for i in 0..lanes {
-        room[i] = seen_edge(tree, &block, i, q).jump(q).to_bits();
+        let jump = seen_edge(tree, &block, i, q).jump(q);
+        jumping |= select(jump > 0.0, 1u32 << i as u32, 0u32);
+        room[i] = jump.to_bits();
     }
-    let mut sum = sum_of(&room[..LANES]);
-    if sum > 0.0 {
+    let mut sum = 0.0f32;
+    if jumping > 0 {
+        let mut i = next_of(jumping, 0usize);
         if q.cos > 0.0 {
-            for i in 0..lanes {
+            while i < lanes {
                 let edge = seen_edge(tree, &block, i, q);
                 let jump = f32::from_bits(room[i]);
                 room[i] = edge.weight_in_cone(jump, q).to_bits();
+                i = next_of(jumping, i + 1);
             }
         } else {
-            for i in 0..lanes {
+            while i < lanes {
                 let edge = seen_edge(tree, &block, i, q);
                 let jump = f32::from_bits(room[i]);
                 room[i] = edge.weight_over_horizon(jump, q).to_bits();
+                i = next_of(jumping, i + 1);
             }
         }
         sum = sum_of(&room[..LANES]);
     }
     sum
+}
+
+/// Returns the weight of a branch, or 0 if it is entered. Only if `all`, branches of negative weight are entered.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+fn left_of(own: f32, all: bool) -> f32 {
+    let weight = own.abs();
+    select(weight > 0.0 && !(own < 0.0 && all), weight, 0.0)
 }
 
 /// Pushes a child on the stack, with the inverse of the probability of reaching it.
@@ -290,38 +312,35 @@ pub(crate) fn draw_edge(tree: &Root, room: &mut [u32], q: &Query, u: Uniform) ->
                 }
             }
         } else if comptime!(tree.has_nodes) {
-            weigh_node(tree, index, q, large, room);
-            if budget > 0 {
-                budget -= 1;
-            }
+            let near = weigh_node(tree, index, q, large, room);
+            budget -= select(budget > 0, 1u32, 0u32);
             let all = budget > 0 && length + LANES as u32 <= ENTERED;
             let mut far = 0.0f32;
-            for i in 0..repeated(LANES, tree.count) {
+            let mut i = next_of(near, 0usize);
+            while i < LANES {
                 let own = f32::from_bits(room[i]);
-                if own > 0.0 {
-                    if all && room[ENTERS + i] == 1 {
-                        push(room, length, tree.children[LANES * index + i], inverse);
-                        length += 1;
-                        room[i] = 0u32;
-                    } else {
-                        far += own;
-                    }
+                far += left_of(own, all);
+                if own < 0.0 && all {
+                    push(room, length, tree.children[LANES * index + i], inverse);
+                    length += 1;
                 }
+                i = next_of(near, i + 1);
             }
             if far > 0.0 {
                 let target = random.number * far;
                 let mut branch = 0usize;
                 let mut passed = 0.0f32;
                 let mut before = 0.0f32;
-                for i in 0..LANES {
-                    let own = f32::from_bits(room[i]);
-                    if own > 0.0 && passed <= target {
-                        branch = i;
-                        before = passed;
-                    }
+                i = next_of(near, 0usize);
+                while i < LANES {
+                    let own = left_of(f32::from_bits(room[i]), all);
+                    let is_last = own > 0.0 && passed <= target;
+                    branch = select(is_last, i, branch);
+                    before = select(is_last, passed, before);
                     passed += own;
+                    i = next_of(near, i + 1);
                 }
-                let taken = f32::from_bits(room[branch]);
+                let taken = f32::from_bits(room[branch]).abs();
                 random = random.within(before / far, taken / far);
                 let child = tree.children[LANES * index + branch];
                 push(room, length, child, inverse * far / taken);

@@ -1,0 +1,117 @@
+//! Late steps that change emission, lights or the environment.
+
+use burn::tensor::{Int, Tensor};
+use softray::device::{Work, work};
+use softray::prelude::*;
+
+use super::{Bodies, Step, options};
+use crate::common::numbers::mean_and_error;
+use crate::common::process::alone;
+use crate::common::scenes::{diffuse, facing_down};
+use crate::common::tensors::{gradient, values};
+use crate::device::device;
+
+/// Returns the bodies and the meshes of two lamps.
+fn bodies_and_lamps() -> (Bodies, [Mesh; 2]) {
+    let lamp = |x: f64| facing_down([x, x + 0.4], [0.0, 0.4], 1.5, &device());
+    (Bodies::new(&device()), [-0.8, 0.6].map(lamp))
+}
+
+/// Renders step `i` with two lamps, two delta lights and an environment, a map or a constant, that depend on `i`. Returns
+/// the image and the gradients by their tensors, and the work.
+fn step(
+    (bodies, lamps): &(Bodies, [Mesh; 2]),
+    i: u64,
+    mapped: bool,
+    options: &RenderOptions,
+) -> (Vec<Vec<f64>>, Work) {
+    // Each leaf is a wave between `low` and `high`, whose phase moves with the steps.
+    let mut leaves = Vec::new();
+    let mut wave = |count: usize, low: f32, high: f32| {
+        let phases = Tensor::<1, Int>::arange(0..count as i64, &device()).float();
+        let wave = (phases * 1.7 + 0.2 * i as f64).sin();
+        let wave = wave * (0.5 * (high - low)) + 0.5 * (high + low);
+        leaves.push(wave.autodiff().require_grad());
+        leaves.last().expect("a leaf").clone()
+    };
+    let lamp = |lamp: usize, radiance: ColorTexture| {
+        let material = Material::diffuse([0.5; 3]).with_emission(radiance);
+        Object::new(lamps[lamp].clone()).with_material(material)
+    };
+    let environment = match mapped {
+        true => Environment::map(wave(4 * 8 * 3, 0.1, 0.9).reshape([4, 8, 3])),
+        false => Environment::Constant(wave(3, 0.1, 0.5).into()),
+    };
+    let glowing = ColorTexture::texture(wave(2 * 3 * 3, 1.0, 9.0).reshape([2, 3, 3]));
+    let scene = bodies.scene.clone();
+    let scene = scene
+        .with_object(diffuse(bodies.ball.clone(), [0.3, 0.5, 0.6]))
+        .with_object(lamp(0, wave(3, 1.0, 9.0).into()))
+        .with_object(lamp(1, glowing))
+        .with_light(Light::point(wave(3, 0.8, 1.2), wave(3, 1.0, 2.0)))
+        .with_light(Light::directional([0.1, -1.0, 0.2], wave(3, 0.2, 0.6)))
+        .with_environment(environment);
+    let before = work();
+    let image = render(&scene, &bodies.camera, options).expect("an image");
+    let gradients = image.radiance.clone().powf_scalar(2.0).sum().backward();
+    let during = work() - before;
+    let by = leaves.iter().map(|leaf| gradient(leaf, &gradients));
+    let image = std::iter::once(values(&image.radiance));
+    (image.chain(by).collect(), during)
+}
+
+/// The device places emission, positions and strengths of lights, and environments. Where the choice of an emitter does not
+/// depend on them, images and gradients are those of steps that read.
+#[test]
+fn late_steps_of_lights() {
+    if !alone(late_steps_of_lights) {
+        return;
+    }
+    let bodies = bodies_and_lamps();
+    let [late, reading] = [3, 1].map(|every| {
+        let mut options = options(every);
+        options.sampling.emitters = EmitterSampling::Uniform;
+        options
+    });
+    for i in 0..6 {
+        let (found, work) = step(&bodies, i, false, &late.clone().with_seed(7 + i));
+        let (wanted, usual) = step(&bodies, i, false, &reading.clone().with_seed(7 + i));
+        for (k, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
+            assert!(wanted.iter().any(|d| *d != 0.0), "list {k}");
+            assert_eq!(found, wanted, "step {i}, list {k}");
+        }
+        assert_eq!(usual.read_backs, 1);
+        assert_eq!(work.read_backs, u64::from(i == 0), "step {i}: {work:?}");
+    }
+}
+
+/// Otherwise emitters and directions are chosen by the values in use: images and gradients have other noise, and the same
+/// means within four standard errors.
+#[test]
+fn lights_are_chosen_without_bias() {
+    const SEEDS: u64 = 24;
+    let bodies = bodies_and_lamps();
+    let (late, reading) = (options(1000), options(1));
+    step(&bodies, 0, true, &late);
+    let sums = |options: &RenderOptions, seed: u64| {
+        let options = options.clone().with_seed(seed);
+        let (lists, _) = step(&bodies, 6, true, &options);
+        lists.into_iter().map(|list| list.iter().sum::<f64>())
+    };
+    let pairs: Vec<Step> = (0..SEEDS)
+        .map(|seed| [&late, &reading].map(|options| sums(options, seed).collect()))
+        .collect();
+    for k in 0..pairs[0][0].len() {
+        let of = |which: usize| {
+            pairs
+                .iter()
+                .map(|pair| pair[which][k])
+                .collect::<Vec<f64>>()
+        };
+        let differences: Vec<f64> = pairs.iter().map(|[a, b]| a[k] - b[k]).collect();
+        let (mean, error) = mean_and_error(&differences);
+        let (usual, noise) = mean_and_error(&of(1));
+        println!("list {k}: {usual:.4} ± {noise:.4}, late {mean:.4} ± {error:.4} more");
+        assert!(error > 0.0 && mean.abs() < 4.0 * error, "list {k}");
+    }
+}
