@@ -69,8 +69,8 @@ struct Entry {
     distance: f32,
 }
 
-/// A ray for intersection with boxes: the inverse of its direction, the components' sizes and minus these, and minus
-/// the origin times the inverse.
+/// A ray for intersection with boxes: the inverse of its direction, the absolute values of the inverse, these negated, and
+/// the negated origin times the inverse.
 #[apply(record!)]
 struct Slabs {
     inverse: V3,

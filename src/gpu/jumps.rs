@@ -40,7 +40,7 @@ pub(super) struct Searches {
     before: u32,
     /// The mean number of searches that are made.
     mean: f32,
-    /// Whether another search is made, the maximum number of searches, the search's first set of random numbers, and those
+    /// Whether another search is made, the maximum number of searches, the search's first set of random numbers, and the
     /// numbers by which it was decided.
     pub made: bool,
     pub count: u32,

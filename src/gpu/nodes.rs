@@ -44,12 +44,13 @@ struct Around {
 
 #[cube]
 impl Around {
-    /// Returns a box around triangles that is larger than their margin (`gpu/hit`), so that hits do not depend on the
-    /// tree. A ray that hits the box starts at most at the distance [`FAR`] plus that of the box from the origin of
-    /// coordinates. Boxes are not larger than [`MOST`].
+    /// Returns a box around triangles that is larger than the margins within which they are hit, so that hits do not depend
+    /// on the tree. A ray that hits the box starts at most at the distance [`FAR`] plus that of the farthest corner from the
+    /// origin of coordinates, which is at most √3 times the largest coordinate L. So a margin is at most [`ROUNDING`] ×
+    /// (1 + [`FAR`] + √3 L) by the origin (`gpu/hit`), plus [`ROUNDING`] × 1.25 √3 L by lines (`gpu/made`). A half more
+    /// covers the rounding of intersections with the box.
     fn with_margin(&self) -> Around {
         let largest = self.low.abs().max(self.high.abs()).max_element();
-        // The largest component is at least the length divided by √3.
         let margin = splat(1.5 * ROUNDING * (1.0 + FAR + 3.5 * largest));
         Around {
             low: (self.low - margin).max(splat(-MOST)),
@@ -58,7 +59,8 @@ impl Around {
     }
 }
 
-/// The largest coordinate of a box. Larger triangles are never hit, since their normals are not finite.
+/// The largest coordinate of a box, so that no product with the inverse of a direction overflows. What is farther away is
+/// not hit through a tree.
 const MOST: f32 = 1e20;
 
 /// Returns a box that contains nothing.

@@ -1,11 +1,12 @@
-//! Tensors of meshes, materials and lights that the device places into the lists of scenes, from the row of all tracked
-//! tensors.
-//! The host reads later how far vertices have moved, and their values on request.
+//! Tensors of meshes, materials, lights and environments that the device places into the lists of scenes, from the row of
+//! all tracked tensors. The host reads later how far vertices have moved and how much light has changed, and the values on
+//! request.
 
 use std::collections::HashSet;
 use std::future::poll_fn;
 use std::ops::Range;
 use std::pin::Pin;
+use std::sync::Arc;
 use std::task::{Context, Poll, Waker};
 
 use burn::backend::Cube;
@@ -23,7 +24,7 @@ use crate::model::delta_light::{OF_LIGHT, OF_STRENGTH};
 use crate::model::numbers::{is_finite, magnitude};
 use crate::model::texture::Texture;
 use crate::model::triangle::AREA;
-use crate::scene::{CHANNELS, LightPart, ParameterId};
+use crate::scene::{CHANNELS, Channel, LightPart, ParameterId};
 use crate::trace::{HEADER, HeaderWord};
 
 /// The ranges of a view's tensors in the row, and in its gradient.
@@ -34,18 +35,20 @@ pub(crate) type ViewPlaces<'a> = (&'a View, TensorPlaces<'a>, TensorPlaces<'a>);
 
 /// Number of words of a tensor in the table: the number of elements before it in the table, its first element in the
 /// row, its first place in the buffer, and [`OF_VERTICES`] or the distance between its elements there. The bits of numbers
-/// follow: the origin of the elements as two numbers per axis, the factor by which they are multiplied, and for vertices 1
-/// over a typical length of edges.
+/// follow: the origin of the elements as two numbers per axis, the factor by which they are multiplied, and 1 over the unit
+/// of their moves.
 const OF_TENSOR: usize = 12;
 const CENTER: usize = 4;
 const REST: usize = 7;
 const SCALE: usize = 10;
-const PER_EDGE: usize = 11;
+const PER_MOVE: usize = 11;
 /// Marks vertices. Lists store each of their coordinates in the scene's frame, as the sum of two numbers.
 const OF_VERTICES: u32 = 0;
 
-/// The number of triangles by which the typical length of an object's edges is judged.
+/// The number of triangles by which the typical length of an object's edges is judged, and the number of elements by which
+/// the size of light is.
 const SOME: usize = 256;
+const SOME_ELEMENTS: usize = 4096;
 
 /// The bytes of a list that arrive later, or `None` if the device fails.
 type Arriving = Pin<Box<dyn Future<Output = Option<Bytes>> + Send>>;
@@ -135,7 +138,11 @@ impl Placing {
         };
         let mut known = HashSet::new();
         for (&(view, places, _), header) in views.iter().zip(header.chunks(HEADER)) {
-            if known.insert(header[HeaderWord::vertices as usize]) {
+            // Views of one scene share its lists. Lists without elements may begin at one place.
+            if known.insert((
+                Arc::as_ptr(&view.scene),
+                header[HeaderWord::vertices as usize],
+            )) {
                 for (id, range) in places {
                     this.add(&view.scene, *id, [range.start, range.len()], header);
                 }
@@ -169,18 +176,20 @@ impl Placing {
         let coarse = place.origin.as_vec3();
         let rest = (place.origin - coarse.as_dvec3()).as_vec3();
         let numbers = [coarse, rest].map(|v| v.to_array());
-        let per_edge = match id {
+        let per_move = match id {
             ParameterId::Vertices(i) => 1.0 / typical_edge(scene, i).max(f32::MIN_POSITIVE),
+            _ if place.is_light => 0.25 / largest(scene, &place, length).max(f32::MIN_POSITIVE),
             _ => 0.0,
         };
-        let factors = [place.scale as f32, per_edge];
+        let factors = [place.scale as f32, per_move];
         let numbers = numbers.as_flattened().iter().chain(&factors);
         self.table.extend(numbers.map(|x| x.to_bits()));
         self.elements += length;
     }
 
     /// Places the tensors into the lists of floats, and replaces words. Returns the longest move of a vertex, divided by a
-    /// typical length of its object's edges. It is infinite or NaN if a value is not finite.
+    /// typical length of its object's edges, or the largest change of light, divided by four times the tensor's largest value
+    /// in use, if that is larger. It is infinite or NaN if a value is not finite.
     pub fn place(&self, client: &Client, floats: &List, words: &List) -> Reading {
         let table = [&self.table, self.words.as_flattened()].concat();
         let [table, found] = List::send(client, [u32::as_bytes(&table), &[0; 4]]);
@@ -210,6 +219,8 @@ struct Place {
     /// Elements are stored relative to the origin, times the scale.
     origin: DVec3,
     scale: f64,
+    /// Whether they are radiance or strengths of lights, by which emitters and directions are chosen.
+    is_light: bool,
 }
 
 /// Returns where a tensor with `length` elements is placed, or `None` for tensors that the host takes.
@@ -251,13 +262,30 @@ fn place_of(scene: &KernelScene, id: ParameterId, length: usize) -> Option<Place
         Id::Environment => (W::sky, 0, 1),
         _ => return None,
     };
+    let is_light = match id {
+        Id::Material(_, channel) => channel == Channel::Emission,
+        Id::Light(_, part) => part != LightPart::Position,
+        id => id == Id::Environment,
+    };
     Some(Place {
         list,
         first,
         apart,
         origin,
         scale,
+        is_light,
     })
+}
+
+/// Returns the largest absolute value in use of a placed tensor, judged by some of its elements.
+fn largest(scene: &KernelScene, place: &Place, length: usize) -> f32 {
+    let scene = scene.scene();
+    let lists = scene.float_lists();
+    let list = lists.iter().find(|l| l.0 as usize == place.list as usize);
+    let own = list.map_or(&[][..], |l| l.1).iter().skip(place.first);
+    let own = own.step_by(place.apart as usize).take(length);
+    let some = own.step_by(length.div_ceil(SOME_ELEMENTS));
+    some.fold(0.0, |largest, v| largest.max(v.abs()))
 }
 
 /// Returns the typical length of an object's edges, from some of its triangles.
@@ -271,8 +299,7 @@ fn typical_edge(scene: &KernelScene, object: usize) -> f32 {
     (2.0 * sum / count.max(1) as f32).sqrt()
 }
 
-/// Places the elements of `tensors` tensors into the lists of floats, one per thread, and finds the longest move of a
-/// vertex. Replaces the words that stand behind the tensors in the table.
+/// Places the elements of `tensors` tensors into the lists of floats, one per thread, and finds the longest move. Replaces the words that stand behind the tensors in the table.
 #[cube(launch)]
 fn place_tensors(
     lists: &mut [f32],
@@ -303,13 +330,14 @@ fn place_tensors(
         let i = ABSOLUTE_POS as u32 - table[of];
         let value = row[(table[of + 1] + i) as usize];
         let first = table[of + 2];
-        let mut moved = 0u32;
         let axis = (i % 3) as usize;
         let center = f32::from_bits(table[of + CENTER + axis]);
         let rest_of_center = f32::from_bits(table[of + REST + axis]);
         let scale = f32::from_bits(table[of + SCALE]);
         // The difference from the origin.
         let away = value - center;
+        let mut to = (first + i * table[of + 3]) as usize;
+        let mut new = (away - rest_of_center) * scale;
         if table[of + 3] == OF_VERTICES {
             // Its rounding error.
             let back = away - value;
@@ -317,15 +345,12 @@ fn place_tensors(
             let rest = error - rest_of_center;
             let rounded = away + rest;
             let remainder = rest - (rounded - away);
-            let to = (first + 6 * (i / 3)) as usize + axis;
-            let new = rounded * scale;
-            let move_of_it = (new - lists[to]) * f32::from_bits(table[of + PER_EDGE]);
-            moved = magnitude(move_of_it);
-            lists[to] = new;
+            to = (first + 6 * (i / 3)) as usize + axis;
+            new = rounded * scale;
             lists[to + 3] = remainder * scale;
-        } else {
-            lists[(first + i * table[of + 3]) as usize] = (away - rest_of_center) * scale;
         }
+        let moved = magnitude((new - lists[to]) * f32::from_bits(table[of + PER_MOVE]));
+        lists[to] = new;
         // The bits of any number that is not finite are above all others.
         let bits = select(is_finite(value), moved, magnitude(value));
         let most = &found[0];

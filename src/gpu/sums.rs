@@ -80,7 +80,7 @@ fn scale_of(largest: u32, of_all: u32, keep: i32) -> f32 {
     f32::from_bits(((power + 127) as u32) << 23)
 }
 
-/// Number of sums that a thread of [`choose_scales`] sets to 0.
+/// Number of words that a thread of [`choose_scales`] sets to 0.
 pub(super) const OF_THREAD: usize = 8;
 
 /// Chooses the scales of parts from the largest derivatives that measuring launches stored, and sets all sums to 0.

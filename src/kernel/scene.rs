@@ -9,7 +9,7 @@ use super::lists::Lists;
 use crate::accel::{Hierarchy, LastHierarchy, Spare};
 use crate::model::V3;
 use crate::model::bsdf::Models;
-use crate::model::delta_light::DeltaLight;
+use crate::model::delta_light::{DeltaLight, OF_LIGHT};
 use crate::model::sky::Sky;
 use crate::model::texture::{Color, Texels, Texture};
 use crate::model::triangle::{AREA, Triangle, triangle_at};
@@ -265,7 +265,7 @@ impl KernelScene {
 
     /// Returns the derivative of the loss with respect to a parameter of the i-th delta light, given the derivatives
     /// with respect to the light's numbers in the list.
-    pub fn by_light(&self, i: usize, part: LightPart, by: [f64; 11]) -> [f64; 3] {
+    pub fn by_light(&self, i: usize, part: LightPart, by: [f64; OF_LIGHT]) -> [f64; 3] {
         let light = &self.emitters.lights()[i];
         light.by_part(by, part, self.frame.unit, self.lengths_of_axes[i])
     }

@@ -66,18 +66,18 @@ impl HierarchyCache {
     }
 
     /// Reads tracked values back from a GPU only in one of `renders` renders, and without waiting. This is for training steps
-    /// that change materials or lights, or move vertices by little; 8 is a good number. With 1, the default, each render waits for its
+    /// that change materials, lights or the environment, or move vertices by little; 8 is a good number. With 1, the default, each render waits for its
     /// own values.
     ///
-    /// In the other renders the device takes the values of tracked meshes, materials and lights from their tensors, and computes
-    /// triangles, boxes, edges and their bounds from them. The host reuses what it has prepared from earlier values: which
+    /// In the other renders the device takes tracked values from their tensors, and computes triangles, boxes, edges and their
+    /// bounds from them. The host reuses what it has prepared from earlier values: which
     /// edges meshes have, the shapes of trees, and how many samples an edge on the film has. When values arrive, another
     /// thread prepares the same from them. The render that makes the next request begins to use it, or an earlier one if
     /// vertices have moved far. So the values in use are at most 2 × `renders` renders old.
     ///
-    /// Images are those of renders that read. Gradients differ by noise, since edges are drawn in another order. If lights
-    /// change, images differ by noise, too: one of several emitters, and directions to an environment map, are chosen by the
-    /// values in use. Gradients miss edges that did not count with the values in use: between faces in one plane whose colors, texture coordinates and
+    /// Images are those of renders that read, unless emission, lights or an environment map change: then images differ by
+    /// noise, since emitters and directions to the map are chosen by the values in use. Gradients differ by noise, since edges
+    /// are drawn in another order. They miss edges that did not count with the values in use: between faces in one plane whose colors, texture coordinates and
     /// normals were the same on both sides, and at faces that had no area. They also miss lines in which bodies have come to
     /// intersect since.
     ///
@@ -92,10 +92,11 @@ impl HierarchyCache {
     /// - meshes with normal maps have tangents,
     /// - objects with tracked vertices or texture coordinates do not emit light, those with tracked texture coordinates
     ///   have no alpha mask, and with the values in use those with tracked vertices intersected no other object,
-    /// - no vertex has moved by more than a quarter of a typical edge of its object since the values in use,
+    /// - no vertex has moved by more than a quarter of a typical edge of its object since the values in use, and no emission,
+    ///   strength of a light or radiance of the environment has changed by more than the largest value of its tensor,
     /// - sampling is not adaptive, and diagnostics are off.
     ///
-    /// How far vertices have moved is known one render later, so a render after a far move reads. Values that are not
+    /// How much has changed is known one render later, so a render after a large change reads. Values that are not
     /// finite are an error in the next render that has such values. Other mistakes in tracked values (normals of length 0)
     /// are an error in the render that would begin to use them, also if its own values are right. Renders on servers ignore
     /// this setting.

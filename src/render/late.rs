@@ -1,6 +1,6 @@
-//! Late steps: renders on a GPU that wait for nothing. The device places tensors of meshes, materials and lights into its
-//! lists. The host works with values that it has read before, and gets to know a render later how far vertices have moved.
-//! Another thread prepares newer values meanwhile.
+//! Late steps: renders on a GPU that wait for nothing. The device places tensors of meshes, materials, lights and environments
+//! into its lists. The host works with values that it has read before, and gets to know a render later how far vertices have
+//! moved and how much light has changed. Another thread prepares newer values meanwhile.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
@@ -20,7 +20,8 @@ use crate::scene::{
     host_device, look_at_scene, visit_camera, visit_scene,
 };
 
-/// The largest move of a vertex since the values in use, divided by a typical length of edges.
+/// The largest move of a vertex since the values in use, divided by a typical length of edges. Changes of light by the largest
+/// value of its tensor count as much.
 const FAR: f32 = 0.25;
 
 /// How a render gets the values of its tensors, and what it leaves to the next one.

@@ -1,5 +1,7 @@
 //! The sections ("parts") of the list of derivative sums.
 
+use crate::model::delta_light;
+
 /// Parts for a scene and its camera.
 pub(crate) const VERTICES: u32 = 0;
 /// With respect to triangle normals and areas; they are passed on to the vertices at the end.
@@ -21,6 +23,6 @@ pub(crate) const CAMERAS: u32 = 12;
 pub(crate) const PARTS: usize = 13;
 
 /// Position, axis, strength and both cosines of a delta light.
-pub(crate) const OF_LIGHT: u32 = 11;
+pub(crate) const OF_LIGHT: u32 = delta_light::OF_LIGHT as u32;
 /// Number of derivatives of a camera, in the order of the fields of its gradient.
 pub(crate) const OF_CAMERA: u32 = 20;

@@ -1,7 +1,6 @@
 //! Draws an edge from a tree, in proportion to an estimate of its contribution.
 
 #![allow(
-    clippy::implicit_saturating_sub,
     clippy::needless_range_loop,
     reason = "the language of kernels has no other form"
 )]

@@ -16,7 +16,7 @@ use super::strategies::EmitterSampling;
 use crate::accel::LANES;
 use crate::accel::eights::NONE;
 use crate::model::V3;
-use crate::model::delta_light::DeltaLight;
+use crate::model::delta_light::{DeltaLight, OF_LIGHT};
 pub(crate) use fixed::{Chosen, Fixed};
 pub(crate) use groups::EmitterGroup;
 use groups::group;
@@ -53,7 +53,7 @@ pub(crate) struct Emitters {
 #[derive(Default)]
 struct Flat {
     triangles: Vec<[f32; OF_EMITTER]>,
-    lights: Vec<[f32; 11]>,
+    lights: Vec<[f32; OF_LIGHT]>,
     bits: Vec<u32>,
     brightness: Vec<f32>,
 }

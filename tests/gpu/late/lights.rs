@@ -8,7 +8,7 @@ use super::{Bodies, Step, options};
 use crate::common::numbers::mean_and_error;
 use crate::common::process::alone;
 use crate::common::scenes::{diffuse, facing_down};
-use crate::common::tensors::{gradient, values};
+use crate::common::tensors::{gradient, leaf, values};
 use crate::device::device;
 
 /// Returns the bodies and the meshes of two lamps.
@@ -82,6 +82,41 @@ fn late_steps_of_lights() {
         }
         assert_eq!(usual.read_backs, 1);
         assert_eq!(work.read_backs, u64::from(i == 0), "step {i}: {work:?}");
+    }
+}
+
+/// A lamp that becomes much brighter is found in the next step, which reads. So is one that was black.
+#[test]
+fn large_changes_of_light_are_found() {
+    if !alone(large_changes_of_light_are_found) {
+        return;
+    }
+    let (bodies, [lamp, _]) = bodies_and_lamps();
+    let options = options(100);
+    let steps = [
+        (1.0, 1),
+        (1.4, 0),
+        (1.8, 0),
+        (2.2, 0),
+        (2.2, 1),
+        (3.0, 0),
+        (0.0, 0),
+        (0.0, 1),
+        (1e-3, 0),
+        (1e-3, 1),
+        (1e-3, 0),
+    ];
+    for (i, (radiance, wanted)) in steps.into_iter().enumerate() {
+        let radiance = leaf(&[radiance; 3], &device());
+        let lamp = Object::new(lamp.clone()).with_material(Material::emitter(radiance));
+        let before = work();
+        let image = render(
+            &bodies.scene.clone().with_object(lamp),
+            &bodies.camera,
+            &options,
+        );
+        image.expect("an image").radiance.sum().backward();
+        assert_eq!((work() - before).read_backs, wanted, "step {i}");
     }
 }
 
