@@ -130,9 +130,7 @@ pub(super) fn path_light(
                 }
             }
         }
-        if looked && !arrives {
-            walk.purpose = ENDED;
-        }
+        walk.purpose = select(looked && !arrives, ENDED, walk.purpose);
         if arrives {
             arrive(scene, &path, &start, &hit, &mut walk, &mut light, beside);
             if keep {
@@ -142,10 +140,8 @@ pub(super) fn path_light(
             look_around(scene, memory, &path, &mut walk);
         }
         connect(scene, memory, &path, &mut walk);
-        let goes_on = walk.bounce < scene.bounces || comptime!(scene.features.sees_sky);
-        if walk.purpose == ONWARDS && !goes_on {
-            walk.purpose = ENDED;
-        }
+        let is_last = walk.bounce >= scene.bounces && comptime!(!scene.features.sees_sky);
+        walk.purpose = select(walk.purpose == ONWARDS && is_last, ENDED, walk.purpose);
         if walk.purpose == ONWARDS {
             go_on(scene, records, room, &path, &mut walk, light.points, keep);
         }
