@@ -57,4 +57,4 @@ pub(crate) use job::{Job, Outputs};
 pub(crate) use launch::trace;
 pub(crate) use launch_backward::gradient_of;
 pub(crate) use packed::{Packed, pack};
-pub(crate) use placed::{Reading, Row, ViewPlaces};
+pub(crate) use placed::{FAR_MOVE, Reading, Row, ViewPlaces};

@@ -140,8 +140,8 @@ pub(super) fn path_light(
             look_around(scene, memory, &path, &mut walk);
         }
         connect(scene, memory, &path, &mut walk);
-        let is_last = walk.bounce >= scene.bounces && comptime!(!scene.features.sees_sky);
-        walk.purpose = select(walk.purpose == ONWARDS && is_last, ENDED, walk.purpose);
+        let is_dark = walk.is_last(scene) && comptime!(!scene.features.sees_sky);
+        walk.purpose = select(is_dark, ENDED, walk.purpose);
         if walk.purpose == ONWARDS {
             go_on(scene, records, room, &path, &mut walk, light.points, keep);
         }

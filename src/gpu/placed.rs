@@ -45,6 +45,10 @@ const PER_MOVE: usize = 11;
 /// Marks vertices. Lists store each of their coordinates in the scene's frame, as the sum of two numbers.
 const OF_VERTICES: u32 = 0;
 
+/// The largest move of a vertex since the values in use, divided by a typical length of edges. A change of light by the
+/// largest value of its tensor counts as much, since emitters and directions are chosen by the values in use.
+pub(crate) const FAR_MOVE: f32 = 0.25;
+
 /// The number of triangles by which the typical length of an object's edges is judged, and the number of elements by which
 /// the size of light is.
 const SOME: usize = 256;
@@ -178,7 +182,11 @@ impl Placing {
         let numbers = [coarse, rest].map(|v| v.to_array());
         let per_move = match id {
             ParameterId::Vertices(i) => 1.0 / typical_edge(scene, i).max(f32::MIN_POSITIVE),
-            _ if place.is_light => 0.25 / largest(scene, &place, length).max(f32::MIN_POSITIVE),
+            ParameterId::Environment
+            | ParameterId::Material(_, Channel::Emission)
+            | ParameterId::Light(_, LightPart::Intensity | LightPart::Irradiance) => {
+                FAR_MOVE / largest(scene, &place, length).max(f32::MIN_POSITIVE)
+            }
             _ => 0.0,
         };
         let factors = [place.scale as f32, per_move];
@@ -188,8 +196,8 @@ impl Placing {
     }
 
     /// Places the tensors into the lists of floats, and replaces words. Returns the longest move of a vertex, divided by a
-    /// typical length of its object's edges, or the largest change of light, divided by four times the tensor's largest value
-    /// in use, if that is larger. It is infinite or NaN if a value is not finite.
+    /// typical length of its object's edges, or the largest change of light, times [`FAR_MOVE`] and divided by the tensor's
+    /// largest value in use, if that is larger. It is infinite or NaN if a value is not finite.
     pub fn place(&self, client: &Client, floats: &List, words: &List) -> Reading {
         let table = [&self.table, self.words.as_flattened()].concat();
         let [table, found] = List::send(client, [u32::as_bytes(&table), &[0; 4]]);
@@ -219,8 +227,6 @@ struct Place {
     /// Elements are stored relative to the origin, times the scale.
     origin: DVec3,
     scale: f64,
-    /// Whether they are radiance or strengths of lights, by which emitters and directions are chosen.
-    is_light: bool,
 }
 
 /// Returns where a tensor with `length` elements is placed, or `None` for tensors that the host takes.
@@ -262,18 +268,12 @@ fn place_of(scene: &KernelScene, id: ParameterId, length: usize) -> Option<Place
         Id::Environment => (W::sky, 0, 1),
         _ => return None,
     };
-    let is_light = match id {
-        Id::Material(_, channel) => channel == Channel::Emission,
-        Id::Light(_, part) => part != LightPart::Position,
-        id => id == Id::Environment,
-    };
     Some(Place {
         list,
         first,
         apart,
         origin,
         scale,
-        is_light,
     })
 }
 
@@ -299,7 +299,8 @@ fn typical_edge(scene: &KernelScene, object: usize) -> f32 {
     (2.0 * sum / count.max(1) as f32).sqrt()
 }
 
-/// Places the elements of `tensors` tensors into the lists of floats, one per thread, and finds the longest move. Replaces the words that stand behind the tensors in the table.
+/// Places the elements of `tensors` tensors into the lists of floats, one per thread, and finds the longest move. Replaces
+/// the words that stand behind the tensors in the table.
 #[cube(launch)]
 fn place_tensors(
     lists: &mut [f32],

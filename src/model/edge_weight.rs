@@ -1,4 +1,6 @@
 //! Importance of edges, and of nodes of trees over edges, for a point that sees them: jump × angle / distance × lobe.
+//!
+//! What a condition needs is computed before it: kernels execute `&&` and `||` with a call on their right side as a branch.
 
 use super::V3;
 use crate::cube::*;

@@ -66,8 +66,8 @@ impl HierarchyCache {
     }
 
     /// Reads tracked values back from a GPU only in one of `renders` renders, and without waiting. This is for training steps
-    /// that change materials, lights or the environment, or move vertices by little; 8 is a good number. With 1, the default, each render waits for its
-    /// own values.
+    /// that change materials, lights or the environment, or move vertices by little; 8 is a good number. With 1, the default,
+    /// each render waits for its own values.
     ///
     /// In the other renders the device takes tracked values from their tensors, and computes triangles, boxes, edges and their
     /// bounds from them. The host reuses what it has prepared from earlier values: which
@@ -77,9 +77,9 @@ impl HierarchyCache {
     ///
     /// Images are those of renders that read, unless emission, lights or an environment map change: then images differ by
     /// noise, since emitters and directions to the map are chosen by the values in use. Gradients differ by noise, since edges
-    /// are drawn in another order. They miss edges that did not count with the values in use: between faces in one plane whose colors, texture coordinates and
-    /// normals were the same on both sides, and at faces that had no area. They also miss lines in which bodies have come to
-    /// intersect since.
+    /// are drawn in another order. They miss edges that did not count with the values in use: between faces in one plane whose
+    /// colors, texture coordinates and normals were the same on both sides, and at faces that had no area. They also miss lines
+    /// in which bodies have come to intersect since.
     ///
     /// A render reads and waits, as without this setting, unless
     /// - it is made by [`render`](crate::render::render) or [`render_batch`](crate::render::render_batch) on a GPU of this

@@ -13,16 +13,12 @@ use super::options::RenderOptions;
 use super::standing::{Group, Look, Places, Preparing, Standing, Views};
 use crate::error::Result;
 use crate::geometry::{Context, detached};
-use crate::gpu::{Reading, Row, identity_and_strides};
+use crate::gpu::{FAR_MOVE, Reading, Row, identity_and_strides};
 use crate::kernel::View;
 use crate::scene::{
     Camera, Detach, LightPart, Object, Parameter, ParameterId, Projection, Value, Visit,
     host_device, look_at_scene, visit_camera, visit_scene,
 };
-
-/// The largest move of a vertex since the values in use, divided by a typical length of edges. Changes of light by the largest
-/// value of its tensor count as much.
-const FAR: f32 = 0.25;
 
 /// How a render gets the values of its tensors, and what it leaves to the next one.
 #[derive(Default)]
@@ -78,9 +74,9 @@ impl Late {
             this.values = values.map(|values| values.into_iter().map(f64::from).collect());
             (this.age, this.newer) = (0, 0.0);
         }
-        let is_far = this.moved > FAR;
+        let is_far = this.moved > FAR_MOVE;
         if is_far || this.age + 1 >= cache.every {
-            let near = this.preparing.take().filter(|_| this.newer <= FAR);
+            let near = this.preparing.take().filter(|_| this.newer <= FAR_MOVE);
             this.views = near.and_then(Preparing::finish);
         }
         match this.views {

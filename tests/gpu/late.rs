@@ -4,7 +4,7 @@
 mod lights;
 mod prepared;
 
-use burn::tensor::{Device, Int, Tensor};
+use burn::tensor::{Device, Gradients, Int, Tensor};
 use softray::device::{Work, work};
 use softray::prelude::*;
 
@@ -52,6 +52,33 @@ impl Bodies {
         let during = work() - before;
         let by = gradient(&vertices, &gradients);
         Ok(([values(&image.radiance), by], during))
+    }
+}
+
+/// Leaves whose elements are waves, with a phase that moves with the steps.
+struct Waves {
+    step: u64,
+    leaves: Vec<Tensor<1>>,
+}
+
+impl Waves {
+    fn new(step: u64) -> Self {
+        let leaves = Vec::new();
+        Self { step, leaves }
+    }
+
+    /// Returns a leaf of `count` elements between `low` and `high`.
+    fn next(&mut self, count: usize, low: f32, high: f32) -> Tensor<1> {
+        let phases = Tensor::<1, Int>::arange(0..count as i64, &device()).float();
+        let wave = (phases * 1.7 + 0.2 * self.step as f64).sin();
+        let wave = wave * (0.5 * (high - low)) + 0.5 * (high + low);
+        self.leaves.push(wave.autodiff().require_grad());
+        self.leaves.last().expect("a leaf").clone()
+    }
+
+    fn gradients(&self, gradients: &Gradients) -> Vec<Vec<f64>> {
+        let leaves = self.leaves.iter();
+        leaves.map(|leaf| gradient(leaf, gradients)).collect()
     }
 }
 
@@ -296,15 +323,8 @@ fn late_steps_of_materials() {
     let globe = globe.with_tangents(tangents, corners);
     let (late, reading) = (options(3), options(1));
     let step = |i: u64, options: &RenderOptions| {
-        // Each leaf is a wave between `low` and `high`, whose phase moves with the steps.
-        let mut leaves = Vec::new();
-        let mut wave = |count: usize, low: f32, high: f32| {
-            let phases = Tensor::<1, Int>::arange(0..count as i64, &device()).float();
-            let wave = (phases * 1.7 + 0.2 * i as f64).sin();
-            let wave = wave * (0.5 * (high - low)) + 0.5 * (high + low);
-            leaves.push(wave.autodiff().require_grad());
-            leaves.last().expect("a leaf").clone()
-        };
+        let mut waves = Waves::new(i);
+        let mut wave = |count, low, high| waves.next(count, low, high);
         let base = ColorTexture::texture(wave(4 * 3 * 3, 0.2, 0.9).reshape([4, 3, 3]));
         let metallic = wave(1, 0.3, 0.7);
         let roughness = ScalarTexture::texture(wave(5 * 2, 0.3, 0.7).reshape([5, 2]));
@@ -328,7 +348,7 @@ fn late_steps_of_materials() {
         let image = render(&scene, &bodies.camera, &options).expect("an image");
         let gradients = image.radiance.clone().powf_scalar(2.0).sum().backward();
         let during = work() - before;
-        let by: Vec<Vec<f64>> = leaves.iter().map(|l| gradient(l, &gradients)).collect();
+        let by = waves.gradients(&gradients);
         ((values(&image.radiance), by), during)
     };
     for i in 0..6 {

@@ -1,14 +1,13 @@
 //! Late steps that change emission, lights or the environment.
 
-use burn::tensor::{Int, Tensor};
 use softray::device::{Work, work};
 use softray::prelude::*;
 
-use super::{Bodies, Step, options};
+use super::{Bodies, Step, Waves, options};
 use crate::common::numbers::mean_and_error;
 use crate::common::process::alone;
 use crate::common::scenes::{diffuse, facing_down};
-use crate::common::tensors::{gradient, leaf, values};
+use crate::common::tensors::{leaf, values};
 use crate::device::device;
 
 /// Returns the bodies and the meshes of two lamps.
@@ -25,15 +24,8 @@ fn step(
     mapped: bool,
     options: &RenderOptions,
 ) -> (Vec<Vec<f64>>, Work) {
-    // Each leaf is a wave between `low` and `high`, whose phase moves with the steps.
-    let mut leaves = Vec::new();
-    let mut wave = |count: usize, low: f32, high: f32| {
-        let phases = Tensor::<1, Int>::arange(0..count as i64, &device()).float();
-        let wave = (phases * 1.7 + 0.2 * i as f64).sin();
-        let wave = wave * (0.5 * (high - low)) + 0.5 * (high + low);
-        leaves.push(wave.autodiff().require_grad());
-        leaves.last().expect("a leaf").clone()
-    };
+    let mut waves = Waves::new(i);
+    let mut wave = |count, low, high| waves.next(count, low, high);
     let lamp = |lamp: usize, radiance: ColorTexture| {
         let material = Material::diffuse([0.5; 3]).with_emission(radiance);
         Object::new(lamps[lamp].clone()).with_material(material)
@@ -55,7 +47,7 @@ fn step(
     let image = render(&scene, &bodies.camera, options).expect("an image");
     let gradients = image.radiance.clone().powf_scalar(2.0).sum().backward();
     let during = work() - before;
-    let by = leaves.iter().map(|leaf| gradient(leaf, &gradients));
+    let by = waves.gradients(&gradients);
     let image = std::iter::once(values(&image.radiance));
     (image.chain(by).collect(), during)
 }
@@ -137,15 +129,10 @@ fn lights_are_chosen_without_bias() {
         .map(|seed| [&late, &reading].map(|options| sums(options, seed).collect()))
         .collect();
     for k in 0..pairs[0][0].len() {
-        let of = |which: usize| {
-            pairs
-                .iter()
-                .map(|pair| pair[which][k])
-                .collect::<Vec<f64>>()
-        };
+        let usual: Vec<f64> = pairs.iter().map(|pair| pair[1][k]).collect();
         let differences: Vec<f64> = pairs.iter().map(|[a, b]| a[k] - b[k]).collect();
         let (mean, error) = mean_and_error(&differences);
-        let (usual, noise) = mean_and_error(&of(1));
+        let (usual, noise) = mean_and_error(&usual);
         println!("list {k}: {usual:.4} ± {noise:.4}, late {mean:.4} ± {error:.4} more");
         assert!(error > 0.0 && mean.abs() < 4.0 * error, "list {k}");
     }
