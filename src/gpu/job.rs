@@ -6,7 +6,7 @@ use crate::cube::*;
 
 use super::device::List;
 use super::packed::Packed;
-use crate::trace::{Features, Fours, Scene};
+use crate::trace::{Features, Fours, HeaderWord, Scene};
 
 /// The requested rows of an image beside radiance.
 #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
@@ -130,8 +130,25 @@ pub(super) struct Paths {
     pixels: &'static [u32],
     pub piece: Piece,
     of_view: u32,
+    /// The width of images whose pixels are rendered in tiles, otherwise 0.
+    tiled: u32,
     #[cube(comptime)]
     listed: bool,
+}
+
+/// The width and height of the tiles of pixels that neighboring threads take. Their rays are more alike than those of a
+/// row of pixels, so threads of a warp wait less for each other.
+const TILE: [u32; 2] = [8, 4];
+
+/// Returns the pixel at a place in the order of tiles. Tiles come row by row, and pixels of a tile in Morton order.
+#[cube]
+fn in_tiles(place: u32, width: u32) -> u32 {
+    let (columns, rows) = comptime!((TILE[0], TILE[1]));
+    let of_row = place % (rows * width);
+    let of_tile = of_row % comptime!(columns * rows);
+    let x = (of_tile & 1) | ((of_tile >> 1) & 2) | ((of_tile >> 2) & 4);
+    let y = ((of_tile >> 1) & 1) | ((of_tile >> 2) & 2);
+    place - of_row + y * width + of_row / comptime!(columns * rows) * columns + x
 }
 
 /// The first path of a thread.
@@ -147,7 +164,10 @@ pub(super) struct PathAt {
 #[cube]
 impl Paths {
     pub fn of_thread(&self, thread: u32) -> PathAt {
-        let row = self.piece.first + thread % self.piece.count * self.piece.stride;
+        let mut row = self.piece.first + thread % self.piece.count * self.piece.stride;
+        if self.tiled > 0 {
+            row = in_tiles(row, self.tiled);
+        }
         let mut pixel = row % self.of_view;
         if comptime!(self.listed) {
             pixel = self.pixels[pixel as usize];
@@ -169,7 +189,10 @@ impl Job {
 
     /// Divides all samples into pieces of at most `paths` paths, but of at least one path.
     pub(super) fn pieces(&self, paths: usize) -> Vec<Piece> {
-        let at_once = paths.clamp(1, self.count().max(1));
+        let mut at_once = paths.clamp(1, self.count().max(1));
+        if at_once > self.of_tiles() {
+            at_once -= at_once % self.of_tiles();
+        }
         let samples_at_once = (paths / at_once).max(1) as u32;
         let mut pieces = Vec::new();
         for first in (0..self.count()).step_by(at_once) {
@@ -211,14 +234,58 @@ impl Job {
         ViewsLaunch::new(floats.argument(), words.argument(), fours.into(), features)
     }
 
+    fn width(&self) -> u32 {
+        self.views.buffers.header()[HeaderWord::width as usize]
+    }
+
+    /// Returns the number of pixels in a row of tiles, or 1 if an image does not consist of whole tiles.
+    fn of_tiles(&self) -> usize {
+        let [columns, rows] = TILE;
+        let of_row = (rows * self.width()) as usize;
+        let whole = self.width().is_multiple_of(columns) && self.of_view.is_multiple_of(of_row);
+        if whole && self.pixels.is_none() {
+            of_row
+        } else {
+            1
+        }
+    }
+
     /// Returns the paths of a piece as a kernel argument.
     pub(super) fn paths(&self, client: &Client, lists: &[List; 3], p: Piece) -> PathsLaunch {
+        let of_tiles = self.of_tiles();
+        let mut pixels = [p.first, p.count].into_iter();
+        let whole = pixels.all(|n| (n as usize).is_multiple_of(of_tiles));
+        let tiled = of_tiles > 1 && p.stride == 1 && whole;
         PathsLaunch::new(
             self.views(client, lists, self.views.features),
             lists[2].argument(),
             PieceLaunch::new(p.first, p.stride, p.count, p.from, p.past, p.each),
             self.of_view as u32,
+            if tiled { self.width() } else { 0 },
             self.pixels.is_some(),
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each pixel has one place, and 32 places from a multiple of 32 on are those of a tile.
+    #[test]
+    fn pixels_in_the_order_of_tiles() {
+        let width = 24;
+        let mut pixels: Vec<u32> = (0..8 * width).map(|place| in_tiles(place, width)).collect();
+        for (tile, of_tile) in pixels.chunks(32).enumerate() {
+            let tile = tile as u32;
+            let first = tile / 3 * 4 * width + tile % 3 * 8;
+            let inside = |pixel: &u32| {
+                let (x, y) = (pixel % width, pixel / width);
+                x / 8 == first % width / 8 && y / 4 == first / width / 4
+            };
+            assert!(of_tile.iter().all(inside), "{tile}");
+        }
+        pixels.sort_unstable();
+        assert!(pixels.into_iter().eq(0..8 * width));
     }
 }

@@ -80,7 +80,9 @@ fn render_pixels(
         let scene = paths.views.scene(which.view);
         let mut memory = Memory::new(&scene);
         let rows = comptime!(outputs.rows());
-        let own = (row + thread) as usize * rows;
+        let count = paths.piece.count;
+        let pixel = which.row - paths.piece.first;
+        let own = (row + thread / count * count + pixel) as usize * rows;
         if fresh == 1 {
             for k in 0..rows {
                 image[own + k] = 0.0;

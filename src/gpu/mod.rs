@@ -26,6 +26,7 @@ mod directions;
 mod edge_nodes;
 mod film;
 mod form;
+mod gather;
 mod gradient;
 mod hit;
 mod job;

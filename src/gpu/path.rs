@@ -1,29 +1,18 @@
 //! A path from the camera to its end, in a thread of a GPU.
 //!
-//! Calls are inlined in a kernel. So a single place traces rays, in a loop over the rays of a path. A camera or
-//! bounce ray leads to a point. A shadow ray adds light. Then the point is connected to the next light, or a bounce
-//! ray continues.
+//! Each turn of the loop traces the ray to the next point, connects the point to lights by shadow rays, and makes the
+//! ray onwards. So a point is not kept from one turn to the next.
 
 use crate::cube::*;
 
 use super::camera::{Beginning, begin};
-use super::hit::{Memory, Ray, trace};
-use super::records::{
-    Arrival, ESCAPED, MAX_BIT_ALONG, OF_BITS, OF_SURVIVAL, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP,
-    SAW_MAP_ALONG, WENT_ON,
-};
-use super::walk::{
-    ENDED, OF_CAMERA, ONWARDS, PathLight, Start, TO_EMITTER, TO_EMITTERS_ALONG, TO_MAP,
-    TO_MAP_ALONG, Walk,
-};
+use super::gather::gather;
+use super::hit::{Memory, trace};
+use super::records::{Arrival, ESCAPED, OF_BITS, OF_SURVIVAL, Room, SAW_MAP_ALONG, WENT_ON};
+use super::walk::{PathLight, PathVertex, Start, Walk};
 use crate::accel::Hit;
-use crate::model::connection::{Target, no_connection};
 use crate::model::{splat, v2};
-use crate::sampling::EmitterPlace;
-use crate::trace::{
-    CONE, Faces, NONE, Scene, emitted, emitters_of, leave, limited, map_of, point_at, radiance_of,
-    receiver_of, sky, target_of,
-};
+use crate::trace::{Faces, Features, NONE, Scene, emitted, leave, limited, point_at, sky};
 
 #[cube]
 pub(super) fn light_of_pixel(
@@ -68,120 +57,113 @@ pub(super) fn path_light(
     let mut light = PathLight::default();
     light.object = NONE;
     let mut walk = Walk::default();
-    walk.purpose = OF_CAMERA;
     walk.throughput = splat(1.0);
-    walk.cone.tangent = scene.settings[CONE];
+    walk.origin = path.ray.origin;
+    walk.direction = path.ray.direction;
     walk.next_emitter = v2(path.film.z, path.film.w);
-    walk.bit = SAW_ALONG;
     if beside {
         walk.bounce = start.bounce;
         walk.origin = start.at.near;
         walk.direction = start.at.direction;
-        walk.limit = -1.0f32;
-    } else {
-        walk.origin = path.ray.origin;
-        walk.direction = path.ray.direction;
-        walk.limit = f32::MAX;
     }
-    let mut begins = true;
-    while walk.purpose != ENDED {
+    let mut is_first = true;
+    let mut goes_on = true;
+    while goes_on {
+        // The last ray can only reach the environment.
+        let is_last = !is_first && walk.bounce >= scene.bounces;
         let mut hit = Hit {
             t: 0.0f32,
             triangle: NONE,
         };
         if beside {
-            if begins {
-                hit.triangle = start.at.triangle;
-                begins = false;
-            }
+            hit.triangle = start.at.triangle;
         }
-        if walk.limit > 0.0 {
-            let any = !walk.arrives() || walk.is_last(scene);
-            let ray = Ray {
-                origin: walk.origin,
-                direction: walk.direction,
-                time: path.time,
-                limit: walk.limit,
-            };
-            hit = trace(scene, memory, ray, Faces::default(), any, false);
+        if !is_first || !beside {
+            let ray = walk.ray(path.time);
+            hit = trace(scene, memory, ray, Faces::default(), is_last, false);
             light.rays += 1;
-            if !any {
-                light.looked += 1;
-            }
+            light.looked += select(is_last, 0u32, 1u32);
         }
-        // These conditions are not nested, since a value that a branch sets is merged at the end of each condition around it.
         let missed = hit.triangle == NONE;
-        let looked = walk.arrives();
-        let arrives = looked && !missed && !walk.is_last(scene);
-        if !looked {
-            take_light(&mut walk, &mut light, missed, keep);
+        if missed {
+            escape(scene, records, room, &walk, &mut light, is_first, keep);
         }
-        if looked && missed {
-            // If surfaces gather the light of the map, escaping bounce rays add only the waiting light.
-            if walk.purpose == OF_CAMERA || comptime!(scene.features.sees_sky) {
-                walk.bits |= ESCAPED;
-                let sky = walk.throughput.times(sky(scene, walk.direction));
-                light.seen.radiance += limited(scene, sky, walk.bounce);
-            }
-            if comptime!(scene.features.gathers_map) {
-                if walk.waits {
-                    walk.bits |= SAW_MAP_ALONG;
-                    light.seen.radiance += walk.waiting;
-                }
-            }
-        }
-        walk.purpose = select(looked && !arrives, ENDED, walk.purpose);
-        if arrives {
-            arrive(scene, &path, &start, &hit, &mut walk, &mut light, beside);
+        goes_on = !missed && !is_last;
+        if goes_on {
+            let mut vertex = arrive(
+                scene, &path, &start, &hit, &mut walk, &mut light, is_first, beside,
+            );
             if keep {
-                keep_arrival(records, room, &hit, &mut walk, light.points);
+                keep_arrival(records, room, &hit, &walk, light.points);
             }
             light.points += 1;
-            look_around(scene, memory, &path, &mut walk);
+            if comptime!(looks_along(&scene.features)) {
+                sample_direction(scene, &path, &mut walk, &mut vertex);
+            }
+            gather(
+                scene,
+                memory,
+                &path,
+                &mut walk,
+                &mut vertex,
+                &mut light,
+                keep,
+            );
+            goes_on = vertex.reflects
+                && (walk.bounce < scene.bounces || comptime!(scene.features.sees_sky));
+            if goes_on {
+                goes_on = go_on(
+                    scene,
+                    records,
+                    room,
+                    &path,
+                    &mut walk,
+                    &mut vertex,
+                    light.points,
+                    keep,
+                );
+            }
+            if keep {
+                records[room.at(light.points - 1, OF_BITS)] = vertex.bits;
+            }
         }
-        connect(scene, memory, &path, &mut walk);
-        let is_dark = walk.is_last(scene) && comptime!(!scene.features.sees_sky);
-        walk.purpose = select(is_dark, ENDED, walk.purpose);
-        if walk.purpose == ONWARDS {
-            go_on(scene, records, room, &path, &mut walk, light.points, keep);
-        }
-    }
-    if keep {
-        if light.points > 0 {
-            records[room.at(light.points - 1, OF_BITS)] = walk.bits;
-        }
+        is_first = false;
     }
     light
 }
 
-/// Adds the light of a shadow ray. The next ray leads to the next light.
+/// Adds the light of the environment that a path's ray reaches.
 #[cube]
-fn take_light(walk: &mut Walk, light: &mut PathLight, missed: bool, #[comptime] keep: bool) {
-    if missed && walk.limit > 0.0 {
-        light.seen.radiance += walk.light;
-        if keep {
-            if walk.purpose == TO_EMITTER {
-                walk.bits |= SAW_EMITTER;
-            } else if walk.purpose == TO_EMITTERS_ALONG {
-                walk.bits |= walk.bit;
-            } else if walk.purpose == TO_MAP {
-                walk.bits |= SAW_MAP;
-            } else {
-                walk.bits |= SAW_MAP_ALONG;
-            }
+fn escape(
+    scene: &Scene,
+    records: &mut [u32],
+    room: Room,
+    walk: &Walk,
+    light: &mut PathLight,
+    is_first: bool,
+    #[comptime] keep: bool,
+) {
+    let mut bits = 0u32;
+    // If surfaces gather the light of the map, escaping bounce rays add only the waiting light.
+    if is_first || comptime!(scene.features.sees_sky) {
+        bits |= ESCAPED;
+        let sky = walk.throughput.times(sky(scene, walk.direction));
+        light.seen.radiance += limited(scene, sky, walk.bounce);
+    }
+    if comptime!(scene.features.gathers_map) {
+        if walk.waits {
+            bits |= SAW_MAP_ALONG;
+            light.seen.radiance += walk.waiting;
         }
     }
-    if walk.purpose == TO_EMITTERS_ALONG {
-        // The last bit stands for all further emitters; no light hides behind so many others.
-        if walk.bit < (1u32 << MAX_BIT_ALONG) {
-            walk.bit *= 2;
+    if keep {
+        if light.points > 0 {
+            records[room.at(light.points - 1, OF_BITS)] |= bits;
         }
-    } else {
-        walk.purpose += 1;
     }
 }
 
-/// Computes the surface point that the path's ray hit.
+/// Returns the surface point that the path's ray hit.
 #[cube]
 fn arrive(
     scene: &Scene,
@@ -190,18 +172,20 @@ fn arrive(
     hit: &Hit,
     walk: &mut Walk,
     light: &mut PathLight,
+    is_first: bool,
     #[comptime] beside: bool,
-) {
+) -> PathVertex {
     let near = walk.origin + walk.direction * hit.t;
     let mut distance = hit.t;
     let mut emits = true;
     if beside {
-        if walk.purpose == OF_CAMERA {
+        if is_first {
             distance = start.at.distance;
             emits = start.emits;
         }
     }
-    let mut point = point_at(
+    let mut vertex = PathVertex::default();
+    vertex.point = point_at(
         scene,
         hit.triangle,
         near,
@@ -209,28 +193,28 @@ fn arrive(
         walk.direction,
         path.time,
     );
-    if walk.purpose == OF_CAMERA {
+    vertex.reflects = vertex.point.reflects && comptime!(!scene.features.dark);
+    vertex.emitter = walk.next_emitter;
+    walk.waits = false;
+    if is_first {
         if beside {
-            point.shading.pair = start.pair;
-            point.shading.paired = start.paired;
-            point.shading.mirrored = start.mirrored;
+            vertex.point.shading.pair = start.pair;
+            vertex.point.shading.paired = start.paired;
+            vertex.point.shading.mirrored = start.mirrored;
         }
         if emits {
-            light.seen.radiance += emitted(scene, &point);
+            light.seen.radiance += emitted(scene, &vertex.point);
         }
-        light.see(scene, &point, distance);
+        light.see(scene, &vertex.point, distance);
     } else {
         walk.bounce += 1;
     }
-    walk.point = point;
+    vertex
 }
 
-/// Stores the point that the path reached, and the bits of lights visible from the point before.
+/// Stores the point that the path reached.
 #[cube]
-fn keep_arrival(records: &mut [u32], room: Room, hit: &Hit, walk: &mut Walk, points: u32) {
-    if points > 0 {
-        records[room.at(points - 1, OF_BITS)] = walk.bits;
-    }
+fn keep_arrival(records: &mut [u32], room: Room, hit: &Hit, walk: &Walk, points: u32) {
     let arrival = Arrival {
         triangle: hit.triangle,
         distance: hit.t,
@@ -239,128 +223,28 @@ fn keep_arrival(records: &mut [u32], room: Room, hit: &Hit, walk: &mut Walk, poi
         throughput: walk.throughput,
     };
     room.keep_arrival(records, points, &arrival);
-    walk.bits = 0u32;
-    walk.bit = SAW_ALONG;
 }
 
-/// Prepares the choice of an emitter at the path's point, and samples the BSDF direction.
+/// Samples the BSDF direction at a point.
 #[cube]
-fn look_around(scene: &Scene, memory: &mut Memory, path: &Beginning, walk: &mut Walk) {
-    walk.emitter = walk.next_emitter;
-    walk.waits = false;
-    walk.next = 0u32;
-    walk.purpose = TO_EMITTER;
-    if !walk.point.reflects || comptime!(scene.features.dark) {
-        walk.purpose = ENDED;
-    } else {
-        let cone = path.cone(scene, walk.bounce);
-        walk.cone.u = cone.z;
-        walk.cone.v = cone.w;
-        if comptime!(scene.features.emitters) {
-            let at = receiver_of(&walk.point, path.time);
-            walk.share = emitters_of(scene).look(&at, memory.choice.as_mut_slice());
-        }
-    }
-    let goes_on = walk.bounce < scene.bounces || comptime!(scene.features.sees_sky);
-    if goes_on || walk.looks_along(scene) || comptime!(scene.features.gathers_map) {
-        let drawn = path.direction(scene, walk.bounce);
-        let mut lobe = 0.0f32;
-        if walk.point.shading.glossy {
+fn sample_direction(scene: &Scene, path: &Beginning, walk: &mut Walk, vertex: &mut PathVertex) {
+    let drawn = path.direction(scene, walk.bounce);
+    let mut lobe = 0.0f32;
+    if comptime!(scene.features.glossy) {
+        if vertex.point.shading.glossy {
             lobe = path.choices(scene, walk.bounce).x;
         }
-        walk.scatter = walk.point.shading.sample(drawn.x, drawn.y, lobe);
-        walk.next_emitter = v2(drawn.z, drawn.w);
     }
+    vertex.scatter = vertex.point.shading.sample(drawn.x, drawn.y, lobe);
+    walk.next_emitter = v2(drawn.z, drawn.w);
 }
 
-/// Returns the next emitter to which the path's point is connected, if there is one.
-#[cube]
-fn next_emitter(
-    scene: &Scene,
-    memory: &mut Memory,
-    path: &Beginning,
-    walk: &mut Walk,
-) -> EmitterPlace {
-    let emitters = emitters_of(scene);
-    let at = receiver_of(&walk.point, path.time);
-    let choice = memory.choice.as_mut_slice();
-    let mut place = EmitterPlace::none();
-    if walk.purpose == TO_EMITTER {
-        let drawn = walk.emitter;
-        place = emitters.choose_place(drawn.x, drawn.y, &at, walk.share, choice);
-    } else if walk.looks_along(scene) {
-        let way = walk.scatter.direction;
-        place = emitters.place_along(walk.next, way, &at, walk.share, choice);
-        walk.next = place.emitter + 1;
-    }
-    place
+/// Returns whether light may be gathered in the sampled BSDF direction.
+pub(super) fn looks_along(features: &Features) -> bool {
+    features.combined && features.glossy || features.gathers_map
 }
 
-/// Sets the shadow ray to the next light. If no lights remain, the path continues.
-#[cube]
-fn connect(scene: &Scene, memory: &mut Memory, path: &Beginning, walk: &mut Walk) {
-    let mut place = EmitterPlace::none();
-    let mut target = Target::none();
-    let mut chance = 1.0f32;
-    if walk.purpose == TO_EMITTER || walk.purpose == TO_EMITTERS_ALONG {
-        if comptime!(scene.features.emitters) {
-            place = next_emitter(scene, memory, path, walk);
-            if place.emitter == NONE {
-                walk.purpose = TO_MAP;
-            } else {
-                let combined = walk.looks_along(scene);
-                let x = walk.point.position;
-                chance = place.chance;
-                target = target_of(scene, place.emitter, place.weights, x, path.time, combined);
-            }
-        } else {
-            walk.purpose = TO_MAP;
-        }
-    }
-    if walk.purpose == TO_MAP || walk.purpose == TO_MAP_ALONG {
-        if comptime!(scene.features.gathers_map) {
-            let mut towards = walk.scatter.direction;
-            if walk.purpose == TO_MAP {
-                let drawn = path.choices(scene, walk.bounce);
-                towards = map_of(scene).choose(scene.sky_density, drawn.z, drawn.w);
-            }
-            chance = map_of(scene).density(scene.sky_density, towards);
-            target = Target::of_map(towards);
-        } else {
-            walk.purpose = ONWARDS;
-        }
-    }
-    let mut chosen = no_connection(walk.point.position);
-    if comptime!(scene.features.emitters || scene.features.gathers_map) {
-        let along = walk.purpose == TO_EMITTERS_ALONG || walk.purpose == TO_MAP_ALONG;
-        let x = walk.point.position;
-        chosen = target.connect(&walk.point.shading, x, chance, along, walk.cone);
-        if chosen.limit > 0.0 {
-            if walk.purpose < TO_MAP {
-                if comptime!(scene.features.emitters) {
-                    target.radiance =
-                        radiance_of(scene, place.emitter, place.weights, target.facing());
-                }
-            } else if comptime!(scene.features.gathers_map) {
-                target.radiance = sky(scene, target.direction);
-            }
-        }
-        let arrived = chosen.reflected.times(target.radiance) * chosen.scale;
-        walk.light = limited(scene, walk.throughput.times(arrived), walk.bounce);
-    }
-    walk.origin = chosen.start;
-    walk.direction = chosen.direction;
-    walk.limit = chosen.limit;
-    if comptime!(scene.features.gathers_map) {
-        if walk.purpose == TO_MAP_ALONG && walk.limit > 0.0 && walk.goes_straight_on(scene) {
-            walk.waits = true;
-            walk.waiting = walk.light;
-            walk.limit = -1.0f32;
-        }
-    }
-}
-
-/// Sets the bounce ray in the sampled direction, or ends the path.
+/// Makes the bounce ray in the sampled direction. Returns whether the path goes on.
 #[cube]
 fn go_on(
     scene: &Scene,
@@ -368,33 +252,35 @@ fn go_on(
     room: Room,
     path: &Beginning,
     walk: &mut Walk,
+    vertex: &mut PathVertex,
     points: u32,
     #[comptime] keep: bool,
-) {
+) -> bool {
+    if comptime!(!looks_along(&scene.features)) {
+        sample_direction(scene, path, walk, vertex);
+    }
     let mut u = 0.0f32;
     if comptime!(scene.features.roulette) {
         u = path.choices(scene, walk.bounce).y;
     }
-    let cone = path.cone(scene, walk.bounce);
     let left = leave(
         scene,
-        &walk.point,
-        &walk.scatter,
+        &vertex.point,
+        &vertex.scatter,
         walk.throughput,
         walk.bounce,
         u,
-        cone.x,
-        cone.y,
+        vertex.cones.x,
+        vertex.cones.y,
     );
-    walk.purpose = select(left.goes_on, ONWARDS, ENDED);
     walk.throughput = left.throughput;
     walk.origin = left.start;
     walk.direction = left.bend.direction;
-    walk.limit = f32::MAX;
     if keep {
         if left.goes_on {
-            walk.bits |= WENT_ON;
+            vertex.bits |= WENT_ON;
             records[room.at(points - 1, OF_SURVIVAL)] = left.survival.to_bits();
         }
     }
+    left.goes_on
 }

@@ -1,22 +1,20 @@
-//! The state of a path in a thread: its start, its current ray and point, and its result.
+//! The state of a path in a thread: its start, its ray and its point, and its result.
 
 use crate::cube::*;
 
+use super::hit::Ray;
+use super::records::{MAX_BIT_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG};
 use crate::model::bsdf::Scatter;
-use crate::model::connection::ConeKernel;
-use crate::model::{Pair, V2, V3};
+use crate::model::{Four, Pair, V2, V3};
 use crate::trace::{Beside, Point, Scene, Seen, albedo_of};
 
-/// The purposes of a path's rays. The camera ray comes first. At each point, shadow rays follow: to a sampled
-/// emitter, to all emitters along the sampled BSDF direction, to a sampled direction of the environment map, and to
-/// the map along the BSDF direction. Then the bounce ray continues the path.
-pub(super) const OF_CAMERA: u32 = 0;
-pub(super) const TO_EMITTER: u32 = 1;
-pub(super) const TO_EMITTERS_ALONG: u32 = 2;
-pub(super) const TO_MAP: u32 = 3;
-pub(super) const TO_MAP_ALONG: u32 = 4;
-pub(super) const ONWARDS: u32 = 5;
-pub(super) const ENDED: u32 = 6;
+/// The lights to which a point is connected, one after another: a sampled emitter, all emitters along the sampled BSDF
+/// direction, a sampled direction of the environment map, and the map along the BSDF direction.
+pub(super) const TO_EMITTER: u32 = 0;
+pub(super) const TO_EMITTERS_ALONG: u32 = 1;
+pub(super) const TO_MAP: u32 = 2;
+pub(super) const TO_MAP_ALONG: u32 = 3;
+pub(super) const DONE: u32 = 4;
 
 /// The result of a path.
 #[apply(zeroed!)]
@@ -61,61 +59,110 @@ pub(super) struct Start {
     pub emits: bool,
 }
 
-/// The state of a path.
+/// The state of a path between two points.
 #[apply(zeroed!)]
 pub(super) struct Walk {
-    /// The purpose of the current ray, and the ray. If the limit is not positive, no ray is traced.
-    pub purpose: u32,
+    /// The ray to the next point.
     pub origin: V3,
     pub direction: V3,
-    pub limit: f32,
-    /// The light of the shadow ray if no occluder is in between.
-    pub light: V3,
-    /// Whether the bounce ray also tests the visibility of the map along the BSDF direction, and the light that is
-    /// then added if the ray escapes.
+    /// Whether the ray also tests the visibility of the map along the BSDF direction, and the light that is then added
+    /// if the ray escapes.
     pub waits: bool,
     pub waiting: V3,
     pub bounce: u32,
     pub throughput: V3,
-    /// The current point, the sampled BSDF direction, and random numbers for the cones of shadow rays.
+    /// Random numbers for the emitter to which the next point is connected.
+    pub next_emitter: V2,
+}
+
+#[cube]
+impl Walk {
+    /// Returns the ray to the next point.
+    pub fn ray(&self, time: f32) -> Ray {
+        Ray {
+            origin: self.origin,
+            direction: self.direction,
+            time,
+            limit: f32::MAX,
+        }
+    }
+}
+
+/// A point of a path, and its connections to lights.
+#[apply(zeroed!)]
+pub(super) struct PathVertex {
     pub point: Point,
+    /// Whether the point reflects light that may arrive.
+    pub reflects: bool,
+    /// The sampled BSDF direction, and two pairs of random numbers: for the cones of the bounce ray and of shadow rays.
     pub scatter: Scatter,
-    pub cone: ConeKernel,
+    pub cones: Four,
     /// The probability of directional lights among many emitters.
     pub share: f32,
-    /// Random numbers for the emitter to which this point is connected, and for the emitter of the next point.
+    /// Random numbers for the emitter to which the point is connected.
     pub emitter: V2,
-    pub next_emitter: V2,
+    /// The next light ([`TO_EMITTER`] and others).
+    pub light: u32,
     /// The first emitter of the list that is not yet tested along the BSDF direction.
     pub next: u32,
-    /// The record's bits of lights visible from the point, and the bit of the next emitter along the BSDF direction.
+    /// The record's bits of visible lights, and the bit of the next emitter along the BSDF direction.
     pub bits: u32,
     pub bit: u32,
 }
 
 #[cube]
-impl Walk {
-    /// Returns whether the ray leads to a surface point: a camera ray or a bounce ray.
-    pub fn arrives(&self) -> bool {
-        self.purpose == OF_CAMERA || self.purpose == ONWARDS
+impl PathVertex {
+    /// Returns whether lights along the sampled BSDF direction also count.
+    pub fn looks_along(&self, scene: &Scene) -> bool {
+        comptime!(scene.features.combined) && self.point.shading.glossy
     }
 
-    /// Returns whether the ray can only reach the environment.
-    pub fn is_last(&self, scene: &Scene) -> bool {
-        self.purpose == ONWARDS && self.bounce >= scene.bounces
-    }
-
-    /// Returns whether the path certainly continues from its point, in exactly the sampled direction.
-    pub fn goes_straight_on(&self, scene: &Scene) -> bool {
-        let mut goes_on = self.bounce < scene.bounces && !self.scatter.weight.is_zero();
+    /// Returns whether the path certainly continues in exactly the sampled direction.
+    pub fn goes_straight_on(&self, scene: &Scene, bounce: u32) -> bool {
+        let mut goes_on = bounce < scene.bounces && !self.scatter.weight.is_zero();
         if comptime!(scene.features.roulette) {
-            goes_on = goes_on && self.bounce < scene.roulette_after;
+            goes_on = goes_on && bounce < scene.roulette_after;
         }
         goes_on && comptime!(!scene.features.cones)
     }
 
-    /// Returns whether lights along the sampled BSDF direction also count at the point.
-    pub fn looks_along(&self, scene: &Scene) -> bool {
-        comptime!(scene.features.combined) && self.point.shading.glossy
+    /// Returns the record's bit of the next light.
+    pub fn bit_of_light(&self) -> u32 {
+        let mut bit = SAW_EMITTER.runtime();
+        if self.light == TO_EMITTERS_ALONG {
+            bit = self.bit;
+        } else if self.light == TO_MAP {
+            bit = SAW_MAP.runtime();
+        } else if self.light == TO_MAP_ALONG {
+            bit = SAW_MAP_ALONG.runtime();
+        }
+        bit
     }
+
+    /// Goes on to the next light.
+    pub fn finish_light(&mut self, scene: &Scene) {
+        if self.light == TO_EMITTERS_ALONG {
+            // The last bit stands for all further emitters; no light hides behind so many others.
+            if self.bit < (1u32 << MAX_BIT_ALONG) {
+                self.bit *= 2;
+            }
+        } else {
+            self.light += 1;
+        }
+        if self.light == TO_EMITTERS_ALONG && !self.looks_along(scene) {
+            self.light = TO_MAP;
+        }
+        if comptime!(!scene.features.gathers_map) {
+            if self.light >= TO_MAP {
+                self.light = DONE;
+            }
+        }
+    }
+}
+
+/// A shadow ray, and the light that it brings if it hits nothing.
+#[apply(record!)]
+pub(super) struct ShadowRay {
+    pub ray: Ray,
+    pub light: V3,
 }
