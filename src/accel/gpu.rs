@@ -39,7 +39,7 @@ pub(crate) struct Parts {
 const OF_PART: u32 = 64;
 
 /// The largest number of triangles in a leaf. A thread tests them one by one.
-const OF_LEAF: usize = 4;
+const OF_LEAF: usize = 3;
 /// The first quadruple of numbers of a child that is a node, with the bit [`CHILD`]. For a leaf, it is its first
 /// triangle, with the bits [`CHILD`] and [`LEAF`], and the number of its other triangles from bit [`OTHERS`] on.
 pub(crate) type Child = u32;
