@@ -5,11 +5,10 @@ use crate::cube::*;
 
 use super::camera::Beginning;
 use super::hit::{Memory, Ray, trace};
-use super::path::looks_along;
 use super::records::SAW_ALONG;
 use super::walk::{
     DONE, PathLight, PathVertex, ShadowRay, TO_EMITTER, TO_EMITTERS_ALONG, TO_MAP, TO_MAP_ALONG,
-    Walk,
+    Walk, may_look_along,
 };
 use crate::model::connection::{ConeKernel, Target};
 use crate::sampling::EmitterPlace;
@@ -29,7 +28,7 @@ pub(super) fn gather(
     light: &mut PathLight,
     #[comptime] keep: bool,
 ) {
-    vertex.light = comptime!(if scene.features.emitters {
+    vertex.next_light = comptime!(if scene.features.emitters {
         TO_EMITTER
     } else {
         TO_MAP
@@ -43,13 +42,14 @@ pub(super) fn gather(
             vertex.share = emitters_of(scene).look(&at, memory.choice.as_mut_slice());
         }
     }
-    if comptime!(looks_along(&scene.features)) {
+    if comptime!(may_look_along(&scene.features)) {
         let mut left = vertex.reflects;
         while left {
             add_light(scene, memory, path, walk, vertex, light, keep);
-            left = vertex.light != DONE;
+            left = vertex.next_light != DONE;
         }
     } else if comptime!(scene.features.emitters) {
+        // There is one light, and a loop would take more registers.
         if vertex.reflects {
             add_light(scene, memory, path, walk, vertex, light, keep);
         }
@@ -93,10 +93,10 @@ fn next_emitter(
     let at = receiver_of(&vertex.point, path.time);
     let choice = memory.choice.as_mut_slice();
     let mut place = EmitterPlace::none();
-    if vertex.light == TO_EMITTER {
+    if vertex.next_light == TO_EMITTER {
         let drawn = vertex.emitter;
         place = emitters.choose_place(drawn.x, drawn.y, &at, vertex.share, choice);
-    } else if vertex.looks_along(scene) {
+    } else if comptime!(scene.features.combined && scene.features.glossy) {
         let way = vertex.scatter.direction;
         place = emitters.place_along(vertex.next, way, &at, vertex.share, choice);
         vertex.next = place.emitter + 1;
@@ -104,7 +104,8 @@ fn next_emitter(
     place
 }
 
-/// Returns the shadow ray to the next light of a point. Its limit is not positive if no light arrives.
+/// Returns the shadow ray to the next light of a point. Its limit is not positive if no light arrives, or if the bounce
+/// ray tests the visibility.
 #[cube]
 fn connect(
     scene: &Scene,
@@ -118,10 +119,10 @@ fn connect(
     let mut chance = 1.0f32;
     let x = vertex.point.position;
     if comptime!(scene.features.emitters) {
-        if vertex.light < TO_MAP {
+        if vertex.next_light < TO_MAP {
             place = next_emitter(scene, memory, path, vertex);
             if place.emitter == NONE {
-                vertex.light = TO_MAP;
+                vertex.next_light = TO_MAP;
             } else {
                 let combined = vertex.looks_along(scene);
                 chance = place.chance;
@@ -130,9 +131,9 @@ fn connect(
         }
     }
     if comptime!(scene.features.gathers_map) {
-        if vertex.light >= TO_MAP {
+        if vertex.next_light >= TO_MAP {
             let mut towards = vertex.scatter.direction;
-            if vertex.light == TO_MAP {
+            if vertex.next_light == TO_MAP {
                 let drawn = path.choices(scene, walk.bounce);
                 towards = map_of(scene).choose(scene.sky_density, drawn.z, drawn.w);
             }
@@ -140,7 +141,7 @@ fn connect(
             target = Target::of_map(towards);
         }
     }
-    let along = vertex.light == TO_EMITTERS_ALONG || vertex.light == TO_MAP_ALONG;
+    let along = vertex.next_light == TO_EMITTERS_ALONG || vertex.next_light == TO_MAP_ALONG;
     let shading = vertex.point.shading;
     let cone = ConeKernel {
         tangent: scene.settings[CONE],
@@ -149,7 +150,7 @@ fn connect(
     };
     let mut chosen = target.connect(&shading, x, chance, along, cone);
     if chosen.limit > 0.0 {
-        if vertex.light < TO_MAP {
+        if vertex.next_light < TO_MAP {
             if comptime!(scene.features.emitters) {
                 target.radiance = radiance_of(scene, place.emitter, place.weights, target.facing());
             }
@@ -160,7 +161,7 @@ fn connect(
     let arrived = chosen.reflected.times(target.radiance) * chosen.scale;
     let light = limited(scene, walk.throughput.times(arrived), walk.bounce);
     if comptime!(scene.features.gathers_map) {
-        if vertex.light == TO_MAP_ALONG
+        if vertex.next_light == TO_MAP_ALONG
             && chosen.limit > 0.0
             && vertex.goes_straight_on(scene, walk.bounce)
         {

@@ -139,6 +139,8 @@ pub(super) struct Paths {
 /// The width and height of the tiles of pixels that neighboring threads take. Their rays are more alike than those of a
 /// row of pixels, so threads of a warp wait less for each other.
 const TILE: [u32; 2] = [8, 4];
+/// The smallest number of rows of tiles in pieces of whole tiles. Pieces become smaller by less than a quarter.
+const LEAST_ROWS: usize = 4;
 
 /// Returns the pixel at a place in the order of tiles. Tiles come row by row, and pixels of a tile in Morton order.
 #[cube]
@@ -187,10 +189,11 @@ impl Job {
         self.views.views * self.of_view
     }
 
-    /// Divides all samples into pieces of at most `paths` paths, but of at least one path.
+    /// Divides all samples into pieces of at most `paths` paths, but of at least one path. Large pieces consist of whole
+    /// tiles, if images do.
     pub(super) fn pieces(&self, paths: usize) -> Vec<Piece> {
         let mut at_once = paths.clamp(1, self.count().max(1));
-        if at_once > self.of_tiles() {
+        if at_once >= LEAST_ROWS * self.of_tiles() {
             at_once -= at_once % self.of_tiles();
         }
         let samples_at_once = (paths / at_once).max(1) as u32;
@@ -238,10 +241,10 @@ impl Job {
         self.views.buffers.header()[HeaderWord::width as usize]
     }
 
-    /// Returns the number of pixels in a row of tiles, or 1 if an image does not consist of whole tiles.
+    /// Returns the number of pixels in a row of tiles, or 1 if pixels are listed or an image does not consist of whole tiles.
     fn of_tiles(&self) -> usize {
         let [columns, rows] = TILE;
-        let of_row = (rows * self.width()) as usize;
+        let of_row = rows as usize * self.width() as usize;
         let whole = self.width().is_multiple_of(columns) && self.of_view.is_multiple_of(of_row);
         if whole && self.pixels.is_none() {
             of_row

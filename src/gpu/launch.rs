@@ -81,8 +81,8 @@ fn render_pixels(
         let mut memory = Memory::new(&scene);
         let rows = comptime!(outputs.rows());
         let count = paths.piece.count;
-        let pixel = which.row - paths.piece.first;
-        let own = (row + thread / count * count + pixel) as usize * rows;
+        let of_piece = which.row - paths.piece.first;
+        let own = (row + thread / count * count + of_piece) as usize * rows;
         if fresh == 1 {
             for k in 0..rows {
                 image[own + k] = 0.0;

@@ -1,7 +1,7 @@
 //! A path from the camera to its end, in a thread of a GPU.
 //!
 //! Each turn of the loop traces the ray to the next point, connects the point to lights by shadow rays, and makes the
-//! ray onwards. So a point is not kept from one turn to the next.
+//! bounce ray. So a point is not kept from one turn to the next.
 
 use crate::cube::*;
 
@@ -9,10 +9,10 @@ use super::camera::{Beginning, begin};
 use super::gather::gather;
 use super::hit::{Memory, trace};
 use super::records::{Arrival, ESCAPED, OF_BITS, OF_SURVIVAL, Room, SAW_MAP_ALONG, WENT_ON};
-use super::walk::{PathLight, PathVertex, Start, Walk};
+use super::walk::{PathLight, PathVertex, Start, Walk, may_look_along};
 use crate::accel::Hit;
 use crate::model::{splat, v2};
-use crate::trace::{Faces, Features, NONE, Scene, emitted, leave, limited, point_at, sky};
+use crate::trace::{Faces, NONE, Scene, emitted, leave, limited, point_at, sky};
 
 #[cube]
 pub(super) fn light_of_pixel(
@@ -69,8 +69,11 @@ pub(super) fn path_light(
     let mut is_first = true;
     let mut goes_on = true;
     while goes_on {
-        // The last ray can only reach the environment.
-        let is_last = !is_first && walk.bounce >= scene.bounces;
+        // After the last bounce, a ray only tests whether it reaches the environment.
+        let mut is_last = false;
+        if comptime!(scene.features.sees_sky) {
+            is_last = !is_first && walk.bounce >= scene.bounces;
+        }
         let mut hit = Hit {
             t: 0.0f32,
             triangle: NONE,
@@ -97,8 +100,10 @@ pub(super) fn path_light(
                 keep_arrival(records, room, &hit, &walk, light.points);
             }
             light.points += 1;
-            if comptime!(looks_along(&scene.features)) {
-                sample_direction(scene, &path, &mut walk, &mut vertex);
+            if comptime!(may_look_along(&scene.features)) {
+                if vertex.reflects {
+                    sample_direction(scene, &path, &mut walk, &mut vertex);
+                }
             }
             gather(
                 scene,
@@ -112,19 +117,12 @@ pub(super) fn path_light(
             goes_on = vertex.reflects
                 && (walk.bounce < scene.bounces || comptime!(scene.features.sees_sky));
             if goes_on {
-                goes_on = go_on(
-                    scene,
-                    records,
-                    room,
-                    &path,
-                    &mut walk,
-                    &mut vertex,
-                    light.points,
-                    keep,
-                );
+                goes_on = go_on(scene, &path, &mut walk, &mut vertex);
             }
             if keep {
-                records[room.at(light.points - 1, OF_BITS)] = vertex.bits;
+                let own = light.points - 1;
+                records[room.at(own, OF_BITS)] = vertex.bits;
+                records[room.at(own, OF_SURVIVAL)] = vertex.survival.to_bits();
             }
         }
         is_first = false;
@@ -132,7 +130,7 @@ pub(super) fn path_light(
     light
 }
 
-/// Adds the light of the environment that a path's ray reaches.
+/// Adds the light of the environment that a path's ray reaches, and stores its bits for the point before.
 #[cube]
 fn escape(
     scene: &Scene,
@@ -163,7 +161,8 @@ fn escape(
     }
 }
 
-/// Returns the surface point that the path's ray hit.
+/// Returns the surface point that the path's ray hit. Counts the bounce, and for the first point adds the emission and
+/// what is seen.
 #[cube]
 fn arrive(
     scene: &Scene,
@@ -225,7 +224,7 @@ fn keep_arrival(records: &mut [u32], room: Room, hit: &Hit, walk: &Walk, points:
     room.keep_arrival(records, points, &arrival);
 }
 
-/// Samples the BSDF direction at a point.
+/// Samples the BSDF direction at a point, and the numbers for the emitter of the next point.
 #[cube]
 fn sample_direction(scene: &Scene, path: &Beginning, walk: &mut Walk, vertex: &mut PathVertex) {
     let drawn = path.direction(scene, walk.bounce);
@@ -239,24 +238,10 @@ fn sample_direction(scene: &Scene, path: &Beginning, walk: &mut Walk, vertex: &m
     walk.next_emitter = v2(drawn.z, drawn.w);
 }
 
-/// Returns whether light may be gathered in the sampled BSDF direction.
-pub(super) fn looks_along(features: &Features) -> bool {
-    features.combined && features.glossy || features.gathers_map
-}
-
 /// Makes the bounce ray in the sampled direction. Returns whether the path goes on.
 #[cube]
-fn go_on(
-    scene: &Scene,
-    records: &mut [u32],
-    room: Room,
-    path: &Beginning,
-    walk: &mut Walk,
-    vertex: &mut PathVertex,
-    points: u32,
-    #[comptime] keep: bool,
-) -> bool {
-    if comptime!(!looks_along(&scene.features)) {
+fn go_on(scene: &Scene, path: &Beginning, walk: &mut Walk, vertex: &mut PathVertex) -> bool {
+    if comptime!(!may_look_along(&scene.features)) {
         sample_direction(scene, path, walk, vertex);
     }
     let mut u = 0.0f32;
@@ -276,11 +261,7 @@ fn go_on(
     walk.throughput = left.throughput;
     walk.origin = left.start;
     walk.direction = left.bend.direction;
-    if keep {
-        if left.goes_on {
-            vertex.bits |= WENT_ON;
-            records[room.at(points - 1, OF_SURVIVAL)] = left.survival.to_bits();
-        }
-    }
+    vertex.survival = left.survival;
+    vertex.bits |= select(left.goes_on, comptime!(WENT_ON), 0u32);
     left.goes_on
 }

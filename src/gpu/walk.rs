@@ -6,7 +6,7 @@ use super::hit::Ray;
 use super::records::{MAX_BIT_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG};
 use crate::model::bsdf::Scatter;
 use crate::model::{Four, Pair, V2, V3};
-use crate::trace::{Beside, Point, Scene, Seen, albedo_of};
+use crate::trace::{Beside, Features, Point, Scene, Seen, albedo_of};
 
 /// The lights to which a point is connected, one after another: a sampled emitter, all emitters along the sampled BSDF
 /// direction, a sampled direction of the environment map, and the map along the BSDF direction.
@@ -88,11 +88,16 @@ impl Walk {
     }
 }
 
+/// Returns whether light may be gathered in the sampled BSDF direction.
+pub(super) fn may_look_along(features: &Features) -> bool {
+    features.combined && features.glossy || features.gathers_map
+}
+
 /// A point of a path, and its connections to lights.
 #[apply(zeroed!)]
 pub(super) struct PathVertex {
     pub point: Point,
-    /// Whether the point reflects light that may arrive.
+    /// Whether the point reflects light, and the scene has any.
     pub reflects: bool,
     /// The sampled BSDF direction, and two pairs of random numbers: for the cones of the bounce ray and of shadow rays.
     pub scatter: Scatter,
@@ -102,19 +107,21 @@ pub(super) struct PathVertex {
     /// Random numbers for the emitter to which the point is connected.
     pub emitter: V2,
     /// The next light ([`TO_EMITTER`] and others).
-    pub light: u32,
+    pub next_light: u32,
     /// The first emitter of the list that is not yet tested along the BSDF direction.
     pub next: u32,
     /// The record's bits of visible lights, and the bit of the next emitter along the BSDF direction.
     pub bits: u32,
     pub bit: u32,
+    /// The probability with which the path went on.
+    pub survival: f32,
 }
 
 #[cube]
 impl PathVertex {
     /// Returns whether lights along the sampled BSDF direction also count.
     pub fn looks_along(&self, scene: &Scene) -> bool {
-        comptime!(scene.features.combined) && self.point.shading.glossy
+        comptime!(scene.features.combined && scene.features.glossy) && self.point.shading.glossy
     }
 
     /// Returns whether the path certainly continues in exactly the sampled direction.
@@ -129,11 +136,11 @@ impl PathVertex {
     /// Returns the record's bit of the next light.
     pub fn bit_of_light(&self) -> u32 {
         let mut bit = SAW_EMITTER.runtime();
-        if self.light == TO_EMITTERS_ALONG {
+        if self.next_light == TO_EMITTERS_ALONG {
             bit = self.bit;
-        } else if self.light == TO_MAP {
+        } else if self.next_light == TO_MAP {
             bit = SAW_MAP.runtime();
-        } else if self.light == TO_MAP_ALONG {
+        } else if self.next_light == TO_MAP_ALONG {
             bit = SAW_MAP_ALONG.runtime();
         }
         bit
@@ -141,20 +148,20 @@ impl PathVertex {
 
     /// Goes on to the next light.
     pub fn finish_light(&mut self, scene: &Scene) {
-        if self.light == TO_EMITTERS_ALONG {
+        if self.next_light == TO_EMITTERS_ALONG {
             // The last bit stands for all further emitters; no light hides behind so many others.
             if self.bit < (1u32 << MAX_BIT_ALONG) {
                 self.bit *= 2;
             }
         } else {
-            self.light += 1;
+            self.next_light += 1;
         }
-        if self.light == TO_EMITTERS_ALONG && !self.looks_along(scene) {
-            self.light = TO_MAP;
+        if self.next_light == TO_EMITTERS_ALONG && !self.looks_along(scene) {
+            self.next_light = TO_MAP;
         }
         if comptime!(!scene.features.gathers_map) {
-            if self.light >= TO_MAP {
-                self.light = DONE;
+            if self.next_light >= TO_MAP {
+                self.next_light = DONE;
             }
         }
     }
