@@ -12,10 +12,6 @@
     clippy::assign_op_pattern,
     reason = "the language of kernels has no other form, or conditions of compilation are nested so"
 )]
-#![allow(
-    clippy::too_many_lines,
-    reason = "calls are inlined, so a loop has one place for each"
-)]
 
 mod backward;
 mod buffers;
