@@ -62,7 +62,7 @@ fn by_vertices(case: &Case, device: &Device) -> Vec<f64> {
         let flies = object.velocity.is_some();
         object.velocity = flies.then(|| velocity.clone().into());
     }
-    let options = (case.options)(RenderOptions::new(16, 12).with_samples(8).with_seed(3));
+    let options = (case.options)(RenderOptions::new(12, 12).with_samples(8).with_seed(3));
     let start = Instant::now();
     let (rows, image) = match case.pixels {
         None => (12, render(&scene, &camera, &options)),
