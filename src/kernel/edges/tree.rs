@@ -56,7 +56,8 @@ impl TreeShape {
         Arc::new(Self {
             children: children.to_vec(),
             edges,
-            ..Self::default()
+            #[cfg(feature = "gpu")]
+            parts: OnceLock::new(),
         })
     }
 
