@@ -8,7 +8,7 @@ use super::hit::{Memory, Ray, trace};
 use super::records::SAW_ALONG;
 use super::walk::{
     DONE, PathLight, PathVertex, ShadowRay, TO_EMITTER, TO_EMITTERS_ALONG, TO_MAP, TO_MAP_ALONG,
-    Walk, may_look_along,
+    Walk, has_emitters_along, may_look_along,
 };
 use crate::model::connection::{ConeKernel, Target};
 use crate::sampling::EmitterPlace;
@@ -96,7 +96,7 @@ fn next_emitter(
     if vertex.next_light == TO_EMITTER {
         let drawn = vertex.emitter;
         place = emitters.choose_place(drawn.x, drawn.y, &at, vertex.share, choice);
-    } else if comptime!(scene.features.combined && scene.features.glossy) {
+    } else if comptime!(has_emitters_along(&scene.features)) {
         let way = vertex.scatter.direction;
         place = emitters.place_along(vertex.next, way, &at, vertex.share, choice);
         vertex.next = place.emitter + 1;

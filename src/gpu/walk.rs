@@ -90,7 +90,12 @@ impl Walk {
 
 /// Returns whether light may be gathered in the sampled BSDF direction.
 pub(super) fn may_look_along(features: &Features) -> bool {
-    features.combined && features.glossy || features.gathers_map
+    has_emitters_along(features) || features.gathers_map
+}
+
+/// Returns whether points may be connected to emitters in the sampled BSDF direction.
+pub(super) fn has_emitters_along(features: &Features) -> bool {
+    features.combined && features.glossy
 }
 
 /// A point of a path, and its connections to lights.
@@ -121,7 +126,7 @@ pub(super) struct PathVertex {
 impl PathVertex {
     /// Returns whether lights along the sampled BSDF direction also count.
     pub fn looks_along(&self, scene: &Scene) -> bool {
-        comptime!(scene.features.combined && scene.features.glossy) && self.point.shading.glossy
+        comptime!(has_emitters_along(&scene.features)) && self.point.shading.glossy
     }
 
     /// Returns whether the path certainly continues in exactly the sampled direction.
