@@ -4,6 +4,8 @@ use burn::backend::ops::{FloatTensorOps, IntTensorOps};
 use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::backend::{Cube, DispatchDevice, TensorMetadata};
 use burn::cubecl::bytes::Bytes;
+use burn::cubecl::features::AtomicUsage;
+use burn::cubecl::ir::{ElemType, Type, UIntKind};
 use burn::cubecl::prelude::*;
 use burn::cubecl::server::Handle;
 use burn::tensor::{Device, FloatDType, IntDType, Shape, Slice, Tensor};
@@ -65,14 +67,29 @@ impl List {
         unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length) }
     }
 
-    /// Returns the list by four numbers as an additional argument of a kernel, if the device allows one more buffer. It
-    /// is left out but for SPIR-V: WGSL's devices may have the fewest bindings, and no test runs on the others.
-    #[allow(unsafe_code)]
+    /// Returns the list by four numbers as an additional argument of a kernel, if the device allows so many buffers.
     pub fn fours(&self, client: &Client) -> Option<BufferArg> {
-        let spare = client.properties().hardware.max_bindings > LISTS;
+        self.by(4, client, LISTS + 1)
+    }
+
+    /// Returns the list by two words as an additional argument of a kernel, if the device allows so many buffers and adds
+    /// to 64 bits at once.
+    pub fn pairs(&self, client: &Client) -> Option<BufferArg> {
+        let number = ElemType::UInt(UIntKind::U64);
+        let properties = client.properties();
+        let adds = properties.atomic_type_usage(Type::atomic(number));
+        let serves = properties.supports_type(number) && adds.contains(AtomicUsage::Add);
+        self.by(2, client, LISTS + 2).filter(|_| serves)
+    }
+
+    /// Returns the list by `width` numbers as one of so many arguments. It is left out but for SPIR-V: WGSL's devices may
+    /// have the fewest bindings, and no test runs on the others.
+    #[allow(unsafe_code)]
+    fn by(&self, width: usize, client: &Client, arguments: u32) -> Option<BufferArg> {
+        let spare = client.properties().hardware.max_bindings >= arguments;
         // The handle was created with this length, and begins at a multiple of the device's alignment.
         let argument =
-            || unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length / 4) };
+            || unsafe { BufferArg::from_raw_parts(self.handle.clone(), self.length / width) };
         (spare && client.name().contains("spirv")).then(argument)
     }
 }

@@ -1,5 +1,6 @@
 //! The form of the sums of a pass, and the room that they and a job's other lists need.
 
+use burn::cubecl::prelude::*;
 use burn::tensor::Device;
 
 use super::device::{List, has_room};
@@ -7,7 +8,7 @@ use super::job::Job;
 use super::sums::{AddingLaunch, ReplicasLaunch, typical};
 use crate::device::label;
 use crate::error::{Error, Result};
-use crate::trace::{Derivatives, MEASURE, PARTS};
+use crate::trace::{Derivatives, MEASURE, OF_SUM, PARTS};
 
 /// Approximate maximum number of sums in all replicas together.
 const REPLICATED: usize = 1 << 16;
@@ -54,10 +55,9 @@ impl Form {
         (REPLICATED / self.count.max(1)).clamp(1, REPLICAS)
     }
 
-    /// Returns the number of words of all sums: three per sum for all launches, then two per sum for each replica of one
-    /// launch.
+    /// Returns the number of words of all sums: those for all launches, then two per sum for each replica of one launch.
     pub fn words(self) -> usize {
-        (3 + 2 * self.replicas()) * self.count
+        (OF_SUM as usize + 2 * self.replicas()) * self.count
     }
 
     /// Returns the scales before any derivative is measured, if scaled derivatives have so many bits.
@@ -74,9 +74,10 @@ impl Form {
     }
 
     /// Returns the sums, in a list, as an argument of kernels.
-    pub fn adding(self, to: &List, of: Derivatives) -> AddingLaunch {
+    pub fn adding(self, client: &Client, to: &List, of: Derivatives) -> AddingLaunch {
         AddingLaunch::new(
             to.argument(),
+            to.pairs(client).into(),
             self.as_argument(),
             self.parts as u32,
             self.directions as u32,

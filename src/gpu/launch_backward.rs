@@ -264,7 +264,8 @@ impl<'a> Pass<'a> {
     }
 
     fn adding(&self, to: &List) -> AddingLaunch {
-        self.form.adding(to, self.job.views.derivatives)
+        self.form
+            .adding(&self.client, to, self.job.views.derivatives)
     }
 
     fn add_paths(&self, piece: Piece, to: &List) {

@@ -9,7 +9,7 @@ use crate::model::choice::INFINITY;
 use crate::model::integers::total;
 use crate::model::numbers::not_a_number;
 use crate::trace::{
-    Along, CAMERAS, Derivatives, MIN_LIMIT, OF_CAMERA, PARTS, Scene, Sums, Totals, carry,
+    Along, CAMERAS, Derivatives, MIN_LIMIT, OF_CAMERA, OF_SUM, PARTS, Pairs, Scene, Sums, Totals, carry,
     is_marked, sums_of,
 };
 
@@ -146,7 +146,7 @@ impl Replicas {
         }
         // The sign extends into the third word.
         let mut above = select(high >> 31 == 1, 0xffff_ffffu32, 0u32);
-        let first = (3 * at) as usize;
+        let first = (OF_SUM * at) as usize;
         let sum = total(sums[first], low);
         let more = carry(sum, low);
         let own = total(sums[first + 1], high);
@@ -191,7 +191,7 @@ impl Replicas {
 pub(super) fn add_replicas(sums: &mut [u32], replicas: Replicas) {
     if ABSOLUTE_POS < replicas.numbers as usize {
         let sum = replicas.sum(sums, ABSOLUTE_POS as u32);
-        let at = 3 * ABSOLUTE_POS;
+        let at = comptime!(OF_SUM as usize) * ABSOLUTE_POS;
         sums[at] = sum.low;
         sums[at + 1] = sum.high;
         sums[at + 2] = sum.above;
@@ -206,13 +206,14 @@ pub(super) fn add_replicas(sums: &mut [u32], replicas: Replicas) {
 /// Returns the first word of a replica.
 #[cube]
 fn first_total(replica: u32, numbers: u32) -> usize {
-    ((3 + 2 * replica) * numbers) as usize
+    ((OF_SUM + 2 * replica) * numbers) as usize
 }
 
 /// The sums that a launch adds to.
 #[apply(argument!)]
 pub(super) struct Adding {
     sums: &'static [Atomic<u32>],
+    pairs: Pairs<'static>,
     replicas: Replicas,
     parts: u32,
     directions: u32,
@@ -237,6 +238,7 @@ impl Adding {
         let first = first_total(thread % self.replicas.count, self.replicas.numbers);
         sums_of(Totals::<'a> {
             sums: self.sums,
+            pairs: self.pairs,
             replica: first as u32,
             parts: self.parts,
             scales,

@@ -33,6 +33,9 @@ const NOT_FINITE: u32 = 0x7000_0000;
 /// Bits of the smallest magnitude at which floats have no fractions.
 const OF_WHOLES: u32 = (24 + 127) << 23;
 
+/// Number of words of a sum over all launches. The last one is not used, so that all sums begin at even places.
+pub(crate) const OF_SUM: u32 = 4;
+
 /// Scale of parts whose derivatives are only measured.
 pub(crate) const MEASURE: f32 = 0.0;
 
@@ -40,9 +43,11 @@ pub(crate) const MEASURE: f32 = 0.0;
 #[derive(CubeType, Clone, Copy)]
 #[expand(derive(Clone, Copy))]
 pub(crate) struct Totals<'a> {
-    /// The sums of all launches, three words each, then the sums of the replicas. While the derivatives are measured,
-    /// there is a word for each part instead, which holds the bits of the largest finite one.
+    /// The sums of all launches ([`OF_SUM`]), then the sums of the replicas. While the derivatives are measured, there is a
+    /// word for each part instead, which holds the bits of the largest finite one.
     pub sums: &'a [Atomic<u32>],
+    /// The same list by two words, if the device can add to both at once.
+    pub pairs: Pairs<'static>,
     /// First word of the replica for this launch, which has two words per sum.
     pub replica: u32,
     /// The number of parts, the scale of each, and the limit of scaled derivatives that are added to 64 bits.
@@ -57,6 +62,9 @@ pub(crate) struct Totals<'a> {
     #[cube(comptime)]
     pub of: Derivatives,
 }
+
+/// A list by two words, if a device can bind it so.
+pub(crate) type Pairs<'a> = ComptimeOption<&'a [Atomic<u64>]>;
 
 /// What forward mode multiplies with derivatives, and the pixel and channel to which the products belong.
 #[derive(CubeType, Clone, Copy)]
@@ -144,7 +152,7 @@ impl<'a> Totals<'a> {
             self.add_whole(number, scaled, size);
         } else {
             // Infinity and NaN are above every limit.
-            self.sums[(3 * number + 2) as usize].store(NOT_FINITE);
+            self.sums[(OF_SUM * number + 2) as usize].store(NOT_FINITE);
         }
     }
 
@@ -159,34 +167,47 @@ impl<'a> Totals<'a> {
 
     /// Adds a rounded number to a 64-bit sum, or to a 96-bit sum if its magnitude `size`, as bits, reaches the limit.
     fn add_whole(&self, number: u32, scaled: f32, size: u32) {
-        let mut words = 2u32;
-        let mut first = self.replica + 2 * number;
-        if size >= self.scales[self.parts as usize].to_bits() {
-            words = 3u32;
-            first = 3 * number;
-        }
+        let wide = size >= self.scales[self.parts as usize].to_bits();
+        let first = select(wide, OF_SUM * number, self.replica + 2 * number);
         let mut digits = (scaled.abs() + 0.5).floor() as u32;
         let mut shift = 0u32;
         if size >= OF_WHOLES {
             digits = (size & 0x007f_ffff) | 0x0080_0000u32;
             shift = (size >> 23) - 150u32;
         }
-        let by = shift % 32;
         // Two's complement of negative numbers.
         let flip = select(scaled < 0.0, 0xffff_ffffu32, 0u32);
-        let mut carried = flip & 1;
-        let mut k = 0u32;
-        while k < words {
-            let mut word = select(k == shift / 32, digits << by, 0u32);
-            word = select(k == shift / 32 + 1, (digits >> 1) >> (31 - by), word);
-            word = word ^ flip;
-            let more = total(word, carried);
-            carried = carry(more, carried);
-            if more != 0 {
-                let before = self.sums[(first + k) as usize].fetch_add(more);
-                carried += carry(total(before, more), more);
+        #[comptime]
+        match self.pairs {
+            ComptimeOption::Some(pairs) => {
+                let all = select(scaled < 0.0, 0xffff_ffff_ffff_ffffu64, 0u64);
+                let more = ((digits as u64) << (shift as u64) ^ all) + (all & 1);
+                let before = pairs[(first / 2) as usize].fetch_add(more);
+                if wide {
+                    let above = (digits >> 1) >> (63 - shift).min(31);
+                    let mut carried = select(before > !more, 1u32, 0u32);
+                    carried += select(more == 0, flip & 1, 0u32);
+                    self.sums[(first + 2) as usize].fetch_add(total(above ^ flip, carried));
+                }
             }
-            k += 1;
+            ComptimeOption::None => {
+                let words = select(wide, 3u32, 2u32);
+                let by = shift % 32;
+                let mut carried = flip & 1;
+                let mut k = 0u32;
+                while k < words {
+                    let mut word = select(k == shift / 32, digits << by, 0u32);
+                    word = select(k == shift / 32 + 1, (digits >> 1) >> (31 - by), word);
+                    word = word ^ flip;
+                    let more = total(word, carried);
+                    carried = carry(more, carried);
+                    if more != 0 {
+                        let before = self.sums[(first + k) as usize].fetch_add(more);
+                        carried += carry(total(before, more), more);
+                    }
+                    k += 1;
+                }
+            }
         }
     }
 }
