@@ -297,7 +297,7 @@ fn add_film_jump(
         time,
         limit: f32::MAX,
     };
-    let hit = trace(scene, &mut memory, ray, p.faces, false, true);
+    let hit = trace(scene, &mut memory, ray, p.faces, false, false, true);
     if !hides(scene, &hit, &p, time) {
         let light = light_beside(scene, &mut memory, path, 0u32, true, &approach, &hit, true);
         let channels = comptime!(loss.outputs.channels(loss.forward));

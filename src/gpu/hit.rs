@@ -161,16 +161,19 @@ fn safe_inverse(d: f32) -> f32 {
 
 /// Returns the place of the last child on a stack of `top` children whose box is not behind the nearest hit.
 #[cube]
-fn last(distances: &Array<f32>, top: u32, limit: f32) -> u32 {
+fn last(distances: &Array<f32>, top: u32, limit: f32, #[comptime] shadow: bool) -> u32 {
     let mut at = top - 1;
-    while distances[at as usize] > limit {
-        at -= 1;
+    if comptime!(!shadow) {
+        while distances[at as usize] > limit {
+            at -= 1;
+        }
     }
     at
 }
 
-/// Returns the nearest hit of a ray. With `any`, it returns any hit, without its distance, which takes less time. With
-/// `selects`, the triangles in `unseen` are skipped; otherwise no triangle is.
+/// Returns the nearest hit of a ray. With `any` or `shadow`, it returns any hit, without its distance, which takes less
+/// time, and least with `shadow`: then children of a node are not ordered by their distance. With `selects`, the triangles
+/// in `unseen` are skipped; otherwise no triangle is.
 #[cube]
 pub(super) fn trace(
     scene: &Scene,
@@ -178,6 +181,7 @@ pub(super) fn trace(
     ray: Ray,
     unseen: Faces,
     any: bool,
+    #[comptime] shadow: bool,
     #[comptime] selects: bool,
 ) -> Hit {
     // The rounding error of a distant origin would exceed the size of triangles. So the ray starts where it is
@@ -196,7 +200,7 @@ pub(super) fn trace(
         from: -skipped,
         least: -margin,
         unseen,
-        any,
+        any: any || shadow,
     };
     let mut nearest = Hit {
         t: (ray.limit - skipped).min(f32::MAX),
@@ -229,14 +233,19 @@ pub(super) fn trace(
                 if first.is_met || second.is_met {
                     child = select(first.is_met, one, other);
                     if first.is_met && second.is_met {
-                        let swaps = second.distance < first.distance;
-                        child = select(swaps, other, one);
-                        memory.stack[top as usize] = select(swaps, one, other);
-                        memory.distances[top as usize] = first.distance.max(second.distance);
+                        let mut later = other;
+                        if comptime!(!shadow) {
+                            let swaps = second.distance < first.distance;
+                            child = select(swaps, other, one);
+                            later = select(swaps, one, other);
+                            let distance = first.distance.max(second.distance);
+                            memory.distances[top as usize] = distance;
+                        }
+                        memory.stack[top as usize] = later;
                         top += 1;
                     }
                 } else {
-                    top = last(&memory.distances, top, nearest.t);
+                    top = last(&memory.distances, top, nearest.t, shadow);
                     child = memory.stack[top as usize];
                 }
             }
@@ -244,8 +253,11 @@ pub(super) fn trace(
                 let first = child & comptime!((1u32 << OTHERS) - 1);
                 let count = (child >> OTHERS) - comptime!(((CHILD | LEAF) >> OTHERS) - 1);
                 meet_triangles(scene, cast, first, first + count, &mut nearest, selects);
-                top = last(&memory.distances, top, nearest.t);
+                top = last(&memory.distances, top, nearest.t, shadow);
                 child = memory.stack[top as usize];
+                if comptime!(shadow) {
+                    child = select(nearest.triangle == NONE, child, END);
+                }
             }
         }
     } else {

@@ -83,7 +83,7 @@ pub(super) fn path_light(
         }
         if !is_first || !beside {
             let ray = walk.ray(path.time);
-            hit = trace(scene, memory, ray, Faces::default(), is_last, false);
+            hit = trace(scene, memory, ray, Faces::default(), is_last, false, false);
             light.rays += 1;
             light.looked += select(is_last, 0u32, 1u32);
         }
