@@ -223,13 +223,20 @@ pub(super) fn int_zeros(like: &FloatTensor<Cube>, length: usize) -> (IntTensor<C
     (tensor, numbers)
 }
 
+/// Returns the client of a GPU, or `None` for another device.
+fn client_of(device: &Device) -> Option<Client> {
+    match device.clone().inner().as_dispatch() {
+        DispatchDevice::Cube(device) => Some(device.client()),
+        _ => None,
+    }
+}
+
 /// Checks that a device has enough bindings for kernels and room for lists of numbers. Otherwise returns a message
 /// about what it lacks.
 pub(super) fn has_room(device: &Device, lists: &[(&str, usize)]) -> Result<(), String> {
-    let DispatchDevice::Cube(cube) = device.clone().inner().as_dispatch().clone() else {
+    let Some(client) = client_of(device) else {
         return Ok(());
     };
-    let client = cube.client();
     let properties = client.properties();
     let bindings = properties.hardware.max_bindings;
     fits(bindings, properties.memory.max_page_size, lists)
@@ -272,6 +279,19 @@ pub(super) fn without_backtrace(error: impl ToString) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// `SOFTRAY_SUMS` says how many bits of a sum kernels for a device must add to at once.
+    #[test]
+    fn sums_of_64_bits_where_a_device_adds_them() {
+        let Ok(bits) = std::env::var("SOFTRAY_SUMS") else {
+            return;
+        };
+        let name = std::env::var("SOFTRAY_GPU").expect("the name of a device");
+        let device = crate::device::named(Some(&name)).expect("a device");
+        let client = client_of(&device).expect("a GPU");
+        let pairs = List::room(&client, 2).pairs(&client);
+        assert_eq!(if pairs.is_some() { "64" } else { "32" }, bits);
+    }
 
     #[test]
     fn a_device_that_allows_too_little_is_an_error() {

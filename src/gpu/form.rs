@@ -8,7 +8,7 @@ use super::job::Job;
 use super::sums::{AddingLaunch, ReplicasLaunch, typical};
 use crate::device::label;
 use crate::error::{Error, Result};
-use crate::trace::{Derivatives, MEASURE, OF_SUM, PARTS};
+use crate::trace::{Derivatives, MEASURE, PARTS};
 
 /// Approximate maximum number of sums in all replicas together.
 const REPLICATED: usize = 1 << 16;
@@ -55,9 +55,10 @@ impl Form {
         (REPLICATED / self.count.max(1)).clamp(1, REPLICAS)
     }
 
-    /// Returns the number of words of all sums: those for all launches, then two per sum for each replica of one launch.
+    /// Returns the number of words of all sums: three per sum for all launches, and two per sum for each replica of one
+    /// launch.
     pub fn words(self) -> usize {
-        (OF_SUM as usize + 2 * self.replicas()) * self.count
+        (3 + 2 * self.replicas()) * self.count
     }
 
     /// Returns the scales before any derivative is measured, if scaled derivatives have so many bits.

@@ -69,7 +69,15 @@ fn add_light(
 ) {
     let shadow: ShadowRay = connect(scene, memory, path, walk, vertex);
     if shadow.ray.limit > 0.0 {
-        let hit = trace(scene, memory, shadow.ray, Faces::default(), true, true, false);
+        let hit = trace(
+            scene,
+            memory,
+            shadow.ray,
+            Faces::default(),
+            true,
+            true,
+            false,
+        );
         light.rays += 1;
         if hit.triangle == NONE {
             light.seen.radiance += shadow.light;

@@ -159,7 +159,8 @@ fn safe_inverse(d: f32) -> f32 {
     1.0 / select(d.abs() < 1e-12, least, d)
 }
 
-/// Returns the place of the last child on a stack of `top` children whose box is not behind the nearest hit.
+/// Returns the place of the last child on a stack of `top` children whose box is not behind the nearest hit. With
+/// `shadow` it is the last child, since the first hit ends the traversal.
 #[cube]
 fn last(distances: &Array<f32>, top: u32, limit: f32, #[comptime] shadow: bool) -> u32 {
     let mut at = top - 1;
@@ -171,8 +172,8 @@ fn last(distances: &Array<f32>, top: u32, limit: f32, #[comptime] shadow: bool) 
     at
 }
 
-/// Returns the nearest hit of a ray. With `any` or `shadow`, it returns any hit, without its distance, which takes less
-/// time, and least with `shadow`: then children of a node are not ordered by their distance. With `selects`, the triangles
+/// Returns the nearest hit of a ray. With `any` or `shadow`, it returns any hit, without its distance. `shadow` is known
+/// when a kernel is compiled, which then does not order the children of a node by distance. With `selects`, the triangles
 /// in `unseen` are skipped; otherwise no triangle is.
 #[cube]
 pub(super) fn trace(
@@ -212,7 +213,9 @@ pub(super) fn trace(
         let start = start_of(fours, scene.first_node) - CHILD;
         // The end of the stack, which no hit is nearer than.
         memory.stack[0usize] = END;
-        memory.distances[0usize] = -f32::MAX;
+        if comptime!(!shadow) {
+            memory.distances[0usize] = -f32::MAX;
+        }
         let mut top = 1u32;
         let mut child = CHILD.runtime();
         while child != END {

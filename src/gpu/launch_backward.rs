@@ -264,8 +264,8 @@ impl<'a> Pass<'a> {
     }
 
     fn adding(&self, to: &List) -> AddingLaunch {
-        self.form
-            .adding(&self.client, to, self.job.views.derivatives)
+        let of = self.job.views.derivatives;
+        self.form.adding(&self.client, to, of)
     }
 
     fn add_paths(&self, piece: Piece, to: &List) {
@@ -288,10 +288,8 @@ impl<'a> Pass<'a> {
             );
             // Each kernel is small, and threads of a warp do similar work.
             let emitters = self.job.views.features.emitters;
-            for of_light in [true, false]
-                .into_iter()
-                .filter(|&of_light| emitters || !of_light)
-            {
+            let kinds: &[bool] = if emitters { &[true, false] } else { &[false] };
+            for &of_light in kinds {
                 let adding = self.adding(to);
                 launch!(
                     &self.client,

@@ -9,7 +9,7 @@ use crate::model::choice::INFINITY;
 use crate::model::integers::total;
 use crate::model::numbers::not_a_number;
 use crate::trace::{
-    Along, CAMERAS, Derivatives, MIN_LIMIT, OF_CAMERA, OF_SUM, PARTS, Pairs, Scene, Sums, Totals, carry,
+    Along, CAMERAS, Derivatives, MIN_LIMIT, OF_CAMERA, PARTS, Pairs, Scene, Sums, Totals, carry,
     is_marked, sums_of,
 };
 
@@ -146,7 +146,8 @@ impl Replicas {
         }
         // The sign extends into the third word.
         let mut above = select(high >> 31 == 1, 0xffff_ffffu32, 0u32);
-        let first = (OF_SUM * at) as usize;
+        let first = (2 * at) as usize;
+        let third = (first_third(self.count, self.numbers) + at) as usize;
         let sum = total(sums[first], low);
         let more = carry(sum, low);
         let own = total(sums[first + 1], high);
@@ -155,7 +156,7 @@ impl Replicas {
         Wide {
             low: sum,
             high: second,
-            above: total(sums[first + 2], above),
+            above: total(sums[third], above),
         }
     }
 
@@ -191,10 +192,10 @@ impl Replicas {
 pub(super) fn add_replicas(sums: &mut [u32], replicas: Replicas) {
     if ABSOLUTE_POS < replicas.numbers as usize {
         let sum = replicas.sum(sums, ABSOLUTE_POS as u32);
-        let at = comptime!(OF_SUM as usize) * ABSOLUTE_POS;
-        sums[at] = sum.low;
-        sums[at + 1] = sum.high;
-        sums[at + 2] = sum.above;
+        let third = first_third(replicas.count, replicas.numbers) as usize;
+        sums[2 * ABSOLUTE_POS] = sum.low;
+        sums[2 * ABSOLUTE_POS + 1] = sum.high;
+        sums[third + ABSOLUTE_POS] = sum.above;
         for replica in 0..replicas.count {
             let from = first_total(replica, replicas.numbers) + 2 * ABSOLUTE_POS;
             sums[from] = 0;
@@ -206,7 +207,13 @@ pub(super) fn add_replicas(sums: &mut [u32], replicas: Replicas) {
 /// Returns the first word of a replica.
 #[cube]
 fn first_total(replica: u32, numbers: u32) -> usize {
-    ((OF_SUM + 2 * replica) * numbers) as usize
+    (2 * (1 + replica) * numbers) as usize
+}
+
+/// Returns the first one of the third words of all sums, which are behind the replicas.
+#[cube]
+fn first_third(replicas: u32, numbers: u32) -> u32 {
+    first_total(replicas, numbers) as u32
 }
 
 /// The sums that a launch adds to.
@@ -240,6 +247,7 @@ impl Adding {
             sums: self.sums,
             pairs: self.pairs,
             replica: first as u32,
+            above: first_third(self.replicas.count, self.replicas.numbers),
             parts: self.parts,
             scales,
             first: scene.first_sums,

@@ -61,7 +61,6 @@ impl Sampler {
     #[inline(always)]
     pub fn stream(self, pixel: u32, sample: u32) -> Stream {
         let mut index = 0u32;
-        let mut block = wide(0u32, 0u32);
         let mut stage = wide(0u32, 0u32);
         let mut shuffled = 0u32;
         if comptime!(self.sequence == Sequence::Sobol) {
@@ -69,8 +68,7 @@ impl Sampler {
             let run = place.low & ((1u32 << self.pixels) - 1);
             index = (run << self.samples) | (sample & ((1u32 << self.samples) - 1));
             let of_pixels = mixed(self.seed.xor(place.shifted(self.pixels)));
-            block = of_pixels.xor(wide(sample >> self.samples, 0u32));
-            stage = mixed(block);
+            stage = mixed(of_pixels.xor(wide(sample >> self.samples, 0u32)));
             shuffled = scrambled(index.reverse_bits(), stage.low);
         }
         Stream {
@@ -79,7 +77,6 @@ impl Sampler {
             pixel,
             sample,
             index,
-            block,
             stage,
             shuffled,
         }

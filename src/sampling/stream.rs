@@ -4,7 +4,7 @@ use super::Sequence;
 use super::table::{OF_PAIR, PAIRS};
 use crate::cube::*;
 use crate::model::Four;
-use crate::model::integers::{Wide, mixed, product, total, wide};
+use crate::model::integers::{Wide, hashed, mixed, product, total, wide};
 
 /// Four words.
 #[apply(record!)]
@@ -131,10 +131,10 @@ pub(crate) struct Stream {
     pub sequence: Sequence,
     pub pixel: u32,
     pub sample: u32,
-    /// The path's index in the sequence of its block of pixels, and the key of the block.
+    /// The path's index in the sequence of its block of pixels.
     pub index: u32,
-    pub block: Wide,
-    /// The key of scrambles, and the index in the first round through the dimensions, shuffled and with reversed bits.
+    /// The key of scrambles, whose low word is also that of the first round's shuffle and whose high word is that of later
+    /// rounds. Then the index in the first round through the dimensions, shuffled and with reversed bits.
     pub stage: Wide,
     pub shuffled: u32,
 }
@@ -184,8 +184,8 @@ impl Stream {
     pub(super) fn place(self, round: u32) -> u32 {
         let mut shuffled = self.shuffled;
         if round > 0 {
-            let key = mixed(self.block.xor(wide(0u32, round)));
-            shuffled = scrambled(self.index.reverse_bits(), key.low);
+            let key = hashed(self.stage.high ^ round);
+            shuffled = scrambled(self.index.reverse_bits(), key);
         }
         shuffled
     }

@@ -33,9 +33,6 @@ const NOT_FINITE: u32 = 0x7000_0000;
 /// Bits of the smallest magnitude at which floats have no fractions.
 const OF_WHOLES: u32 = (24 + 127) << 23;
 
-/// Number of words of a sum over all launches. The last one is not used, so that all sums begin at even places.
-pub(crate) const OF_SUM: u32 = 4;
-
 /// Scale of parts whose derivatives are only measured.
 pub(crate) const MEASURE: f32 = 0.0;
 
@@ -43,13 +40,15 @@ pub(crate) const MEASURE: f32 = 0.0;
 #[derive(CubeType, Clone, Copy)]
 #[expand(derive(Clone, Copy))]
 pub(crate) struct Totals<'a> {
-    /// The sums of all launches ([`OF_SUM`]), then the sums of the replicas. While the derivatives are measured, there is a
-    /// word for each part instead, which holds the bits of the largest finite one.
+    /// The first two words of the sums of all launches, then the sums of the replicas, two words each, then the third words
+    /// of the sums of all launches. While the derivatives are measured, there is a word for each part instead, which holds
+    /// the bits of the largest finite one.
     pub sums: &'a [Atomic<u32>],
     /// The same list by two words, if the device can add to both at once.
     pub pairs: Pairs<'static>,
-    /// First word of the replica for this launch, which has two words per sum.
+    /// First word of the replica for this launch, and the first one of the third words.
     pub replica: u32,
+    pub above: u32,
     /// The number of parts, the scale of each, and the limit of scaled derivatives that are added to 64 bits.
     pub parts: u32,
     pub scales: &'a [f32],
@@ -152,7 +151,7 @@ impl<'a> Totals<'a> {
             self.add_whole(number, scaled, size);
         } else {
             // Infinity and NaN are above every limit.
-            self.sums[(OF_SUM * number + 2) as usize].store(NOT_FINITE);
+            self.sums[(self.above + number) as usize].store(NOT_FINITE);
         }
     }
 
@@ -168,7 +167,8 @@ impl<'a> Totals<'a> {
     /// Adds a rounded number to a 64-bit sum, or to a 96-bit sum if its magnitude `size`, as bits, reaches the limit.
     fn add_whole(&self, number: u32, scaled: f32, size: u32) {
         let wide = size >= self.scales[self.parts as usize].to_bits();
-        let first = select(wide, OF_SUM * number, self.replica + 2 * number);
+        let first = 2 * number + select(wide, 0u32, self.replica);
+        let third = self.above + number;
         let mut digits = (scaled.abs() + 0.5).floor() as u32;
         let mut shift = 0u32;
         if size >= OF_WHOLES {
@@ -187,7 +187,7 @@ impl<'a> Totals<'a> {
                     let above = (digits >> 1) >> (63 - shift).min(31);
                     let mut carried = select(before > !more, 1u32, 0u32);
                     carried += select(more == 0, flip & 1, 0u32);
-                    self.sums[(first + 2) as usize].fetch_add(total(above ^ flip, carried));
+                    self.sums[third as usize].fetch_add(total(above ^ flip, carried));
                 }
             }
             ComptimeOption::None => {
@@ -202,7 +202,8 @@ impl<'a> Totals<'a> {
                     let more = total(word, carried);
                     carried = carry(more, carried);
                     if more != 0 {
-                        let before = self.sums[(first + k) as usize].fetch_add(more);
+                        let at = select(k == 2, third, first + k);
+                        let before = self.sums[at as usize].fetch_add(more);
                         carried += carry(total(before, more), more);
                     }
                     k += 1;
