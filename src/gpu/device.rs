@@ -224,7 +224,7 @@ pub(super) fn int_zeros(like: &FloatTensor<Cube>, length: usize) -> (IntTensor<C
 }
 
 /// Returns the client of a GPU, or `None` for another device.
-fn client_of(device: &Device) -> Option<Client> {
+pub(super) fn client_of(device: &Device) -> Option<Client> {
     match device.clone().inner().as_dispatch() {
         DispatchDevice::Cube(device) => Some(device.client()),
         _ => None,
@@ -286,9 +286,7 @@ mod tests {
         let Ok(bits) = std::env::var("SOFTRAY_SUMS") else {
             return;
         };
-        let name = std::env::var("SOFTRAY_GPU").expect("the name of a device");
-        let device = crate::device::named(Some(&name)).expect("a device");
-        let client = client_of(&device).expect("a GPU");
+        let client = client_of(&crate::device::of_tests()).expect("a GPU");
         let pairs = List::room(&client, 2).pairs(&client);
         assert_eq!(if pairs.is_some() { "64" } else { "32" }, bits);
     }

@@ -284,9 +284,7 @@ pub(super) fn add_before(list: &mut [u32], first: u32, points: u32) {
 
 #[cfg(test)]
 mod tests {
-    use burn::backend::DispatchDevice;
-
-    use super::super::device::{List, launch};
+    use super::super::device::{List, client_of, launch};
     use super::*;
 
     /// Writes the points at all places of an order.
@@ -311,11 +309,7 @@ mod tests {
     /// Each point with searches has one place in its block, and points with more searches come first.
     #[test]
     fn points_in_the_order_of_their_searches() {
-        let device = crate::device::of_tests();
-        let DispatchDevice::Cube(cube) = device.inner().as_dispatch().clone() else {
-            panic!("no GPU")
-        };
-        let client = cube.client();
+        let client = client_of(&crate::device::of_tests()).expect("a GPU");
         let of_block = (GROUP * OF_BLOCK) as usize;
         let points = of_block + 1000;
         let groups = points.div_ceil(GROUP as usize);
