@@ -173,10 +173,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         image.write_normals(beside("normal"))?;
     }
     println!("seconds {seconds:.2}");
-    println!(
-        "rays_per_second {:.0}",
-        image.statistics.rays as f64 / seconds
-    );
+    // GPUs count rays on request only.
+    if image.statistics.rays > 0 {
+        let each_second = image.statistics.rays as f64 / seconds;
+        println!("rays_per_second {each_second:.0}");
+    }
     if let Some(reference) = &arguments.reference {
         let reference = HostImage::read(reference)?;
         println!("rmse {}", host.rmse(&reference, false)?);
