@@ -74,7 +74,7 @@ fn add_light(
             memory,
             shadow.ray,
             Faces::default(),
-            true,
+            false,
             true,
             false,
         );

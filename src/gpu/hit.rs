@@ -172,9 +172,9 @@ fn last(distances: &Array<f32>, top: u32, limit: f32, #[comptime] shadow: bool) 
     at
 }
 
-/// Returns the nearest hit of a ray. With `any` or `shadow`, it returns any hit, without its distance. `shadow` is known
-/// when a kernel is compiled, which then does not order the children of a node by distance. With `selects`, the triangles
-/// in `unseen` are skipped; otherwise no triangle is.
+/// Returns the nearest hit of a ray. With `any` or `shadow`, it returns any hit, without its distance. A kernel may compute
+/// `any`; with `shadow` it does not order the children of a node by distance. With `selects`, the triangles in `unseen`
+/// are skipped; otherwise no triangle is.
 #[cube]
 pub(super) fn trace(
     scene: &Scene,

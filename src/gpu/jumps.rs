@@ -199,7 +199,7 @@ fn add_jump(
         time,
         limit: jump.limit,
     };
-    let hit = trace(scene, memory, ray, p.faces, of_light, of_light, true);
+    let hit = trace(scene, memory, ray, p.faces, false, of_light, true);
     if of_light {
         if hit.triangle == NONE {
             let light = Seen::default();

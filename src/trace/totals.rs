@@ -192,23 +192,29 @@ impl<'a> Totals<'a> {
             }
             ComptimeOption::None => {
                 let words = select(wide, 3u32, 2u32);
-                let by = shift % 32;
-                let mut carried = flip & 1;
-                let mut k = 0u32;
-                while k < words {
-                    let mut word = select(k == shift / 32, digits << by, 0u32);
-                    word = select(k == shift / 32 + 1, (digits >> 1) >> (31 - by), word);
-                    word = word ^ flip;
-                    let more = total(word, carried);
-                    carried = carry(more, carried);
-                    if more != 0 {
-                        let at = select(k == 2, third, first + k);
-                        let before = self.sums[at as usize].fetch_add(more);
-                        carried += carry(total(before, more), more);
-                    }
-                    k += 1;
-                }
+                self.add_words(first, third, words, digits, shift, flip);
             }
+        }
+    }
+
+    /// Adds a number word by word: `digits`, shifted left by `shift` bits, or its two's complement if all bits of `flip`
+    /// are set. The first two words of the sum begin at `first`, and its third word is at `third`.
+    fn add_words(&self, first: u32, third: u32, words: u32, digits: u32, shift: u32, flip: u32) {
+        let by = shift % 32;
+        let mut carried = flip & 1;
+        let mut k = 0u32;
+        while k < words {
+            let mut word = select(k == shift / 32, digits << by, 0u32);
+            word = select(k == shift / 32 + 1, (digits >> 1) >> (31 - by), word);
+            word = word ^ flip;
+            let more = total(word, carried);
+            carried = carry(more, carried);
+            if more != 0 {
+                let at = select(k == 2, third, first + k);
+                let before = self.sums[at as usize].fetch_add(more);
+                carried += carry(total(before, more), more);
+            }
+            k += 1;
         }
     }
 }
