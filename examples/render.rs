@@ -121,8 +121,13 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// # Errors
 /// If a file cannot be read or written, or the scene is not valid.
 pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
-    // Checked first, so that no result is lost.
+    // Checked first, so that nothing is loaded in vain and no result is lost.
     HostImage::check_path(&arguments.out)?;
+    let check = |size: (usize, usize)| {
+        options(arguments, size).check()?;
+        HostImage::check_room(&arguments.out, size.0, size.1)
+    };
+    arguments.size.map_or(Ok(()), check)?;
     let device = softray::device::named(arguments.device.as_deref())?;
     let (mut scene, mut camera, mut size) = load(arguments, &device)?;
     if let Some(eye) = arguments.eye {
@@ -142,7 +147,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         scene = scene.with_environment(Environment::map(map));
     }
     size = arguments.size.unwrap_or(size);
-    HostImage::check_room(&arguments.out, size.0, size.1)?;
+    check(size)?;
 
     let (bar, progress) = common::render_progress("rendering");
     let options = options(arguments, size).with_progress(progress);

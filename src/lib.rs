@@ -108,7 +108,7 @@ pub mod prelude {
         Batch, Diagnostics, EmitterSampling, Engine, HierarchyCache, Image, ImageBatch,
         ImageDerivative, Program, RenderOptions, Sampling, Sequence, SoftmaxOptions, Statistics,
         SurfaceSampling, Tangent, Visibility, overview, render, render_async, render_batch,
-        render_derivative, render_pixels,
+        render_derivative, render_pixels, unpremultiply,
     };
     pub use crate::scene::{
         Bounds, Bsdf, Camera, ColorTexture, Environment, Light, Material, Mesh, Object, Parameter,

@@ -206,6 +206,7 @@ mod tests {
             begun: 0.0,
             behind: f64::INFINITY,
         };
+        let mut hits = 0;
         for distance in [3.0, 1e2, 1e4, 1e6] {
             for i in 0..200 {
                 let turn = f64::from(i) * 2.399_963;
@@ -222,9 +223,12 @@ mod tests {
                 let found = hierarchy.candidates(Arch::new(), ray, reach, |_, _| Counts::Fully);
                 let found = found.expect("nothing hides all");
                 for k in (0..mesh.faces.len() as u32).filter(|&k| is_hit(k)) {
+                    hits += 1;
                     assert!(found.contains(&k), "triangle {k} from {distance:e}");
                 }
             }
         }
+        // A line through a ball meets two faces, or passes between faces.
+        assert!(hits > 1500, "{hits}");
     }
 }

@@ -1,10 +1,16 @@
 //! Gradient checks. [`gradcheck`] compares autodiff with central differences of renders of the caller's scene, with
 //! standard errors.
+//!
+//! By the fundamental theorem of calculus, the difference f(x + h) − f(x − h) is the integral of f′ between both ends. So
+//! the gradient is rendered at random points of this interval, and its mean equals the difference for any h, also where f
+//! has kinks. Differences of Monte Carlo renders have much noise at small steps; at large steps they have little. Of
+//! several parameters the interval is a box, in which all of them vary at once.
 
 mod parameter;
 mod report;
 mod run;
 mod settings;
+mod weights;
 
 use crate::error::{Error, Result, one_of};
 use crate::scene::{Camera, HostScene, Normalization, Scene};
@@ -14,7 +20,7 @@ pub use report::{Estimate, Report, Row, Verdict};
 use run::{Direction, Run, point};
 pub use settings::GradCheck;
 
-/// Compares gradients by autodiff with central differences of renders.
+/// Compares gradients by autodiff with central differences of renders, both in the mean over a box of parameters.
 ///
 /// `build` makes the scene and the camera from the parameters. It runs for every render, on several threads on a CPU.
 /// The bounds of the scene are fixed to those of the options if set, and to the initial scene's otherwise.
@@ -76,7 +82,11 @@ pub fn gradcheck(
             }));
         }
     }
-    let rows = run.rows(&directions)?;
+    let objective = match &settings.objective {
+        Some(objective) => objective.clone(),
+        None => run.weighted_mean(&directions)?,
+    };
+    let rows = run.rows(&directions, &objective)?;
     Ok(Report { rows })
 }
 

@@ -16,9 +16,9 @@ pub struct Checked {
 }
 
 impl Checked {
-    /// Makes a parameter from its name, its values and the step h of the central difference (f(x + h) − f(x − h))/2h.
-    /// The difference has an error of about h²·f'''/6. A suitable step is a few percent of the parameter's scale in the
-    /// scene.
+    /// Makes a parameter from its name, its values and the step h of the central difference (f(x + h) − f(x − h))/2h,
+    /// which is compared with the mean of f′ over the same interval. So h needs not be small: a wide step has less noise.
+    /// The scene must be valid within ± h.
     pub fn new(name: impl Into<String>, values: impl Into<Vec<f64>>, step: f64) -> Self {
         Self {
             name: name.into(),

@@ -16,14 +16,17 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    pub(super) fn of(values: &[f64]) -> Self {
+    /// From the values of all seeds. Two seeds, of opposite points, make one independent number.
+    pub(super) fn of(by_seed: &[f64]) -> Self {
+        let pairs = by_seed.chunks_exact(2);
+        let values: Vec<f64> = pairs.map(|pair| (pair[0] + pair[1]) / 2.0).collect();
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
         let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
         Self {
             mean,
             error: (squares / (n - 1.0) / n).sqrt(),
-            seeds: values.len() as u64,
+            seeds: by_seed.len() as u64,
         }
     }
 }
@@ -48,9 +51,9 @@ pub enum Verdict {
 pub struct Row {
     /// The parameter's name, with the component's index if it has several.
     pub parameter: String,
-    /// The derivative by autodiff.
+    /// The derivative by autodiff, in the mean over the box of all steps.
     pub gradient: Estimate,
-    /// The derivative by central differences.
+    /// The derivative by central differences, over the whole width of the box.
     pub difference: Estimate,
     /// gradient − difference. Its standard error is smaller than both others if they share noise.
     pub apart: Estimate,

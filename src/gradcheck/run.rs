@@ -7,12 +7,29 @@ use rayon::prelude::*;
 
 use super::parameter::{Checked, Point};
 use super::report::Row;
-use super::settings::GradCheck;
+use super::settings::{GradCheck, Objective};
 use crate::device::is_cpu;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
+use crate::model::integers::mix;
 use crate::render::{RenderOptions, render};
 use crate::scene::{Camera, Scene};
+
+/// A direction along which a parameter is differentiated.
+pub(super) struct Direction {
+    /// The index of the parameter.
+    pub parameter: usize,
+    pub name: String,
+    pub vector: Vec<f64>,
+}
+
+/// A running comparison.
+pub(super) struct Run<'a, F> {
+    pub parameters: &'a [Checked],
+    pub settings: &'a GradCheck,
+    pub options: RenderOptions,
+    pub build: &'a F,
+}
 
 /// Makes tensors of the parameters. With `track`, those to check are tracked.
 pub(super) fn point(
@@ -36,31 +53,26 @@ pub(super) fn point(
     }
 }
 
-/// A direction along which a parameter is differentiated.
-pub(super) struct Direction {
-    /// The index of the parameter.
-    pub parameter: usize,
-    pub name: String,
-    pub vector: Vec<f64>,
-}
-
-/// A running comparison.
-pub(super) struct Run<'a, F> {
-    pub parameters: &'a [Checked],
-    pub settings: &'a GradCheck,
-    pub options: RenderOptions,
-    pub build: &'a F,
-}
-
 impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
-    fn objective(&self, point: &Point, seed: u64) -> Result<Tensor<1>> {
+    pub fn radiance(&self, point: &Point, seed: u64) -> Result<Tensor<3>> {
         let (scene, camera) = (self.build)(point)?;
         let image = render(&scene, &camera, &self.options.clone().with_seed(seed))?;
-        Ok((self.settings.objective)(image.radiance))
+        Ok(image.radiance)
     }
 
-    fn values(&self) -> Vec<Vec<f64>> {
-        self.parameters.iter().map(|p| p.values.clone()).collect()
+    pub fn point(&self, values: &[Vec<f64>], track: bool) -> Point {
+        point(self.parameters, self.settings, values, track)
+    }
+
+    /// Returns the parameters at a point of the box, whose coordinates are from −1 to 1 along each direction.
+    pub fn at(&self, directions: &[Direction], coordinates: &[f64]) -> Vec<Vec<f64>> {
+        let mut values: Vec<Vec<f64>> = self.parameters.iter().map(|p| p.values.clone()).collect();
+        for (direction, coordinate) in directions.iter().zip(coordinates) {
+            let by = coordinate * self.parameters[direction.parameter].step;
+            let all = values[direction.parameter].iter_mut();
+            all.zip(&direction.vector).for_each(|(v, d)| *v += by * d);
+        }
+        values
     }
 
     /// Returns the values of `f` for each seed.
@@ -77,32 +89,42 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
 
     /// Returns both derivatives along each direction. Both use the same seeds, so that shared noise cancels. Seeds are
     /// added to a direction until the standard error of gradient − difference is small enough.
-    pub fn rows(&self, directions: &[Direction]) -> Result<Vec<Row>> {
+    pub fn rows(&self, directions: &[Direction], objective: &Objective) -> Result<Vec<Row>> {
         let mut gradients: Vec<Vec<f64>> = Vec::new();
         let mut differences = vec![Vec::new(); directions.len()];
         let mut rows: Vec<Option<Row>> = vec![None; directions.len()];
         let mut wanted = self.settings.least;
         loop {
             let new = gradients.len() as u64..wanted;
-            gradients.extend(self.over(new.clone(), |seed| self.gradients(directions, seed))?);
+            let of_seed = |seed| self.gradients(directions, objective, seed);
+            gradients.extend(self.over(new.clone(), of_seed)?);
             let mut factor = 1.0f64;
             for (c, direction) in directions.iter().enumerate() {
                 if rows[c]
                     .as_ref()
-                    .is_some_and(|row| self.settings.precise(row))
+                    .is_some_and(|row| self.settings.decided(row))
                 {
                     continue;
                 }
-                let more = self.over(new.clone(), |seed| self.difference(direction, seed))?;
-                differences[c].extend(more);
+                let at = |coordinates: &[f64], seed| {
+                    let point = self.point(&self.at(directions, coordinates), false);
+                    Ok(host_values(&objective(self.radiance(&point, seed)?))?[0])
+                };
+                let width = 2.0 * self.parameters[direction.parameter].step;
+                let of_seed = |seed| {
+                    let mut ends = [(); 2].map(|()| coordinates(directions.len(), seed));
+                    [ends[0][c], ends[1][c]] = [-1.0, 1.0];
+                    Ok((at(&ends[1], seed)? - at(&ends[0], seed)?) / width)
+                };
+                differences[c].extend(self.over(new.clone(), of_seed)?);
                 let by_seed: Vec<f64> = gradients.iter().map(|g| g[c]).collect();
                 let row = self
                     .settings
                     .row(&direction.name, &by_seed, &differences[c]);
-                if !self.settings.precise(&row) {
+                if !self.settings.decided(&row) {
                     // The noisiest row sets the factor of the number of seeds.
                     let goal = self.settings.precision * row.difference.mean.abs();
-                    factor = factor.max((row.apart.error / goal).powi(2));
+                    factor = factor.max((row.apart.error / goal).powi(2)).max(2.0);
                 }
                 rows[c] = Some(row);
             }
@@ -110,33 +132,25 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
                 return Ok(rows.into_iter().flatten().collect());
             }
             let more = (1.1 * factor).min(8.0) * wanted as f64;
-            wanted = (more.ceil() as u64).min(self.settings.budget);
+            wanted = (more.ceil() as u64).next_multiple_of(2);
+            wanted = wanted.min(self.settings.budget);
         }
     }
 
-    /// Returns a derivative by central differences.
-    fn difference(&self, direction: &Direction, seed: u64) -> Result<f64> {
-        let parameter = direction.parameter;
-        let step = self.parameters[parameter].step;
-        let at = |sign: f64| -> Result<f64> {
-            let mut values = self.values();
-            for (v, d) in values[parameter].iter_mut().zip(&direction.vector) {
-                *v += sign * step * d;
-            }
-            let point = point(self.parameters, self.settings, &values, false);
-            Ok(host_values(&self.objective(&point, seed)?)?[0])
-        };
-        Ok((at(1.0)? - at(-1.0)?) / (2.0 * step))
-    }
-
     /// Returns the derivatives by autodiff.
-    fn gradients(&self, directions: &[Direction], seed: u64) -> Result<Vec<f64>> {
-        let point = point(self.parameters, self.settings, &self.values(), true);
-        let objective = self.objective(&point, seed)?;
-        let tracked = objective.is_tracked();
+    fn gradients(
+        &self,
+        directions: &[Direction],
+        objective: &Objective,
+        seed: u64,
+    ) -> Result<Vec<f64>> {
+        let values = self.at(directions, &coordinates(directions.len(), seed));
+        let point = self.point(&values, true);
+        let value = objective(self.radiance(&point, seed)?);
+        let tracked = value.is_tracked();
         let expected = "a scene that depends on the parameters";
         Error::unless(tracked, "gradcheck", "objective", "a constant", expected)?;
-        let gradients = objective.backward();
+        let gradients = value.backward();
         let of = |t: &Tensor<1>| match t.grad(&gradients) {
             Some(g) => host_values(&g),
             None => Ok(vec![0.0; t.dims()[0]]),
@@ -149,4 +163,12 @@ impl<F: Fn(&Point) -> Result<(Scene, Camera)> + Sync> Run<'_, F> {
         };
         Ok(directions.iter().map(along).collect())
     }
+}
+
+/// Returns a point of the box, from −1 to 1 in each coordinate. An even seed and the next one have opposite points, so
+/// that a derivative that changes linearly over the box has no noise from it.
+fn coordinates(count: usize, seed: u64) -> Vec<f64> {
+    let side = if seed.is_multiple_of(2) { 1.0 } else { -1.0 };
+    let number = |c: usize| mix(mix(seed / 2) ^ c as u64) as f64 / 2f64.powi(64);
+    (0..count).map(|c| side * (2.0 * number(c) - 1.0)).collect()
 }

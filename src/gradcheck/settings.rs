@@ -9,7 +9,8 @@ use super::report::{Estimate, Row, Verdict};
 use crate::device::is_cpu;
 use crate::render::RenderOptions;
 
-type Objective = Arc<dyn Fn(Tensor<3>) -> Tensor<1> + Send + Sync>;
+/// A function from the radiance `[H, W, 3]` to a scalar `[1]`.
+pub(super) type Objective = Arc<dyn Fn(Tensor<3>) -> Tensor<1> + Send + Sync>;
 
 /// The settings of [`gradcheck`](super::gradcheck).
 ///
@@ -23,14 +24,14 @@ pub struct GradCheck {
     pub(super) tolerance: f64,
     pub(super) least: u64,
     pub(super) budget: u64,
-    pub(super) objective: Objective,
+    pub(super) objective: Option<Objective>,
     pub(super) only: Option<Vec<String>>,
 }
 
 impl GradCheck {
     /// Makes settings from the options of the renders, whose seed is replaced. Tensors are f64 on a CPU backend and f32
-    /// on others. By default the objective is the mean radiance with weights that rise across the image, so that
-    /// symmetric contributions don't cancel.
+    /// on others. By default the objective is the mean radiance under weights by how the parameters change the image, so
+    /// that no derivative cancels over it.
     pub fn new(options: RenderOptions, device: &Device) -> Self {
         let device = device.clone().inner();
         let dtype = match is_cpu(&device) {
@@ -42,22 +43,11 @@ impl GradCheck {
             device,
             dtype,
             precision: 0.01,
-            tolerance: 0.03,
+            tolerance: 0.01,
             least: 32,
             budget: 4096,
             only: None,
-            objective: Arc::new(|radiance| {
-                let [h, w, _] = radiance.dims();
-                let weight = |i: usize| {
-                    0.5 + ((i % w) as f32 + 0.5) / w as f32 + 0.5 * (i / w) as f32 / h as f32
-                };
-                let weights: Vec<f32> = (0..h * w).map(weight).collect();
-                let device = radiance.device().inner();
-                let weights = Tensor::<1>::from_floats(weights.as_slice(), &device)
-                    .cast(radiance.dtype())
-                    .reshape([h, w, 1]);
-                (radiance * weights).mean()
-            }),
+            objective: None,
         }
     }
 
@@ -68,18 +58,18 @@ impl GradCheck {
         self
     }
 
-    /// Sets the tolerance, as a fraction of the difference (0.03 by default). It allows for the error of finite steps.
-    /// A disagreement exceeds both the tolerance and 3.5 standard errors.
+    /// Sets the tolerance, as a fraction of the difference (0.01 by default). It allows for rounding. A disagreement
+    /// exceeds both the tolerance and 3.5 standard errors.
     pub fn with_tolerance(mut self, share: f64) -> Self {
         self.tolerance = share;
         self
     }
 
-    /// Sets the minimum and maximum number of seeds (32 and 4,096 by default, at least 2). Per seed, a gradient takes
-    /// one render and a difference two.
+    /// Sets the minimum and maximum number of seeds (32 and 4,096 by default, even and at least 4). Per seed, a gradient
+    /// takes one render and a difference two.
     pub fn with_seeds(mut self, least: u64, most: u64) -> Self {
-        self.least = least.max(2);
-        self.budget = most.max(least).max(2);
+        self.least = least.max(4).next_multiple_of(2);
+        self.budget = most.max(self.least).next_multiple_of(2);
         self
     }
 
@@ -100,13 +90,25 @@ impl GradCheck {
         mut self,
         f: impl Fn(Tensor<3>) -> Tensor<1> + Send + Sync + 'static,
     ) -> Self {
-        self.objective = Arc::new(f);
+        self.objective = Some(Arc::new(f));
         self
     }
 
     /// Whether the standard error of a row is small enough relative to its difference.
-    pub(super) fn precise(&self, row: &Row) -> bool {
+    fn precise(&self, row: &Row) -> bool {
         row.apart.error <= self.precision * row.difference.mean.abs()
+    }
+
+    /// Whether a row needs no more seeds. Of many rows some are a few standard errors apart by chance, most of all with few
+    /// seeds, so a disagreement is confirmed with more.
+    pub(super) fn decided(&self, row: &Row) -> bool {
+        match row.verdict {
+            Verdict::Agrees => true,
+            Verdict::Disagrees => {
+                row.apart.mean.abs() > 10.0 * row.apart.error && row.apart.seeds >= 32
+            }
+            Verdict::Undecided => false,
+        }
     }
 
     /// Makes a row from the gradients and differences of all seeds.

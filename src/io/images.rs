@@ -1,12 +1,13 @@
-use std::fmt;
+use std::fmt::{self, Display};
 use std::io::{self, Seek, Write};
 use std::path::Path;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use image::{ImageBuffer, ImageFormat, Rgb, RgbImage};
+use image::{ExtendedColorType, ImageFormat};
 
 use super::LoadLimits;
 use super::decode::Decoded;
+use super::exr_write::Layer;
 use super::files::Files;
 use super::srgb::{srgb_byte, srgb_table};
 use super::whole::{check_writable, ending, folder_of, write_whole};
@@ -130,13 +131,14 @@ impl HostImage {
         Self::check_room(path, 1, 1)
     }
 
-    /// Checks a path like [`HostImage::check_path`], and that the disk has room for an image of `width` × `height`
-    /// pixels. It writes as many bytes as the image may take under a temporary name, and removes them.
+    /// Checks a path like [`HostImage::check_path`], and that the disk has the free space that an image of `width` ×
+    /// `height` pixels may take.
     ///
     /// # Errors
-    /// As [`HostImage::check_path`], or if the disk is full.
+    /// As [`HostImage::check_path`], or if the disk has less free space. A file system that doesn't report its free
+    /// space counts as large enough.
     pub fn check_room(path: impl AsRef<Path>, width: usize, height: usize) -> Result<()> {
-        let (path, pixels) = (path.as_ref(), width.saturating_mul(height));
+        let (path, pixels) = (path.as_ref(), (width as u64).saturating_mul(height as u64));
         Self::check_place(path)?;
         let of_pixel = match format_of(path)? {
             ImageFormat::Png => 3,
@@ -168,30 +170,34 @@ impl HostImage {
     /// # Errors
     /// If the extension is another one, the image is empty, or the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
-        self.write_file(path.as_ref())
+        self.write_layer(path.as_ref(), None)
     }
 
-    fn write_file(&self, path: &Path) -> Result<()> {
+    /// Writes the image like [`HostImage::write`], in an EXR file as the given layer.
+    pub(super) fn write_layer(&self, path: &Path, layer: Option<Layer>) -> Result<()> {
         Self::check_place(path)?;
         self.check_size()?;
-        write_whole(path, |file| self.encode(path, file))
+        write_whole(path, |file| self.encode(path, file, layer))
     }
 
     /// Encodes the image to `file`, in the format given by the extension of `path`.
-    pub(super) fn encode(&self, path: &Path, file: &mut (impl Write + Seek)) -> Result<()> {
+    pub(super) fn encode(
+        &self,
+        path: &Path,
+        file: &mut (impl Write + Seek),
+        layer: Option<Layer>,
+    ) -> Result<()> {
         let ([w, h], format) = (self.check_size()?, format_of(path)?);
-        if format == ImageFormat::Pnm {
-            return self.write_pfm(file).map_err(Error::io(path));
-        }
-        let written = match format {
+        let failed = |e: &dyn Display| Error::format(path, format!("it can't be written: {e}"));
+        match format {
+            ImageFormat::Pnm => self.write_pfm(file).map_err(Error::io(path)),
             ImageFormat::Png => {
-                RgbImage::from_raw(w, h, self.to_srgb()).map(|image| image.write_to(file, format))
+                let bytes = self.to_srgb();
+                image::write_buffer_with_format(file, &bytes, w, h, ExtendedColorType::Rgb8, format)
+                    .map_err(|e| failed(&e))
             }
-            _ => ImageBuffer::<Rgb<f32>, _>::from_raw(w, h, self.pixels.as_slice())
-                .map(|image| image.write_to(file, format)),
-        };
-        let failed = |e| Error::format(path, format!("it can't be written: {e}"));
-        written.transpose().map_err(failed).map(|_| ())
+            _ => self.write_exr(file, layer).map_err(|e| failed(&e)),
+        }
     }
 
     /// Writes a PFM file: a header, then the rows from the bottom up. A negative scale stands for little endian.

@@ -6,6 +6,7 @@ mod build_materials;
 mod decode;
 mod description;
 mod exposure;
+mod exr_write;
 mod files;
 mod gltf;
 mod gltf_images;

@@ -155,7 +155,7 @@ impl<'a> Library<'a> {
         let mut parts = Vec::with_capacity(self.textures.len() + 1);
         for (image, file) in &self.textures {
             let path = self.path.with_file_name(file);
-            parts.push(Part::write(&path, |f| image.encode(&path, f))?);
+            parts.push(Part::write(&path, |f| image.encode(&path, f, None))?);
         }
         let path = self.path.with_file_name(self.file_name());
         parts.push(Part::of(&path, &[b"# softray\n", self.text.as_bytes()])?);

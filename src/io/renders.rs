@@ -7,15 +7,28 @@ use colorous::VIRIDIS;
 use image::{ExtendedColorType, ImageFormat};
 
 use super::HostImage;
+use super::exr_write::Layer;
 use super::images::{format_of, sides};
 use super::srgb::srgb_byte;
 use super::whole::write_whole;
 use crate::error::{Error, Result};
-use crate::render::{Image, Program};
+use crate::render::{Image, Program, unpremultiply};
 use crate::warnings::warning;
 
 /// The gray of pixels without a surface in depth pictures. No depth has this color.
 const BACKGROUND: [u8; 3] = [128; 3];
+
+const DEPTH: Layer = Layer {
+    name: "depth.premultiplied",
+    comment: "mean over the pixel of the distance along the rays, 0 where nothing is hit; divide by the opacity for the \
+              mean over the visible surfaces",
+};
+
+const NORMALS: Layer = Layer {
+    name: "normals.premultiplied",
+    comment: "mean over the pixel of the normals in scene axes, 0 where nothing is hit; divide by the opacity for the \
+              mean over the visible surfaces",
+};
 
 impl Image {
     /// Writes the radiance: `.exr` and `.pfm` as linear 32-bit floats, `.png` as 8-bit sRGB clipped to [0, 1]. The file
@@ -48,15 +61,17 @@ impl Image {
 
     /// Writes the depth.
     ///
-    /// `.exr` and `.pfm` store scene units, the same in all three channels, and 0 where no surface is visible. `.png`
-    /// uses the color map viridis, from dark violet for the nearest to yellow for the farthest depth of the image, and gray
-    /// where no surface is visible.
+    /// `.exr` and `.pfm` store [`Image::depth`] in scene units, the same in all three channels: means over whole pixels,
+    /// premultiplied by the opacity. The layer of an `.exr` is named `depth.premultiplied`. `.png` shows the depth of the
+    /// visible surfaces by the color map viridis, from dark violet for the nearest to yellow for the farthest depth of the
+    /// image, and gray where no surface is visible.
     ///
     /// # Errors
     /// As [`Image::write`], or if [`RenderOptions::with_depth`](crate::render::RenderOptions::with_depth) is off.
     pub fn write_depth(&self, path: impl AsRef<Path>) -> Result<()> {
         let depth = self.depth.as_ref().map(in_three_channels);
-        write_output(path.as_ref(), depth, "depth", |values| {
+        let depth = self.of_surfaces_in_png(path.as_ref(), depth)?;
+        write_output(path.as_ref(), depth, ("depth", Some(DEPTH)), |values| {
             let seen = |d: f32| d.is_finite() && d > 0.0;
             let depths = || values.iter().copied().filter(|&d| seen(d));
             let near = depths().fold(f32::INFINITY, f32::min);
@@ -75,15 +90,20 @@ impl Image {
 
     /// Writes the normals.
     ///
-    /// `.exr` and `.pfm` store them unchanged, and 0 where no surface is visible. `.png` stores 0.5 + 0.5·n as linear bytes,
-    /// without sRGB encoding.
+    /// `.exr` and `.pfm` store [`Image::normals`]: means over whole pixels, premultiplied by the opacity. The layer of an
+    /// `.exr` is named `normals.premultiplied`. `.png` stores 0.5 + 0.5·n as linear bytes, without sRGB encoding, with the
+    /// normal n of the visible surfaces.
     ///
     /// # Errors
     /// As [`Image::write`], or if [`RenderOptions::with_normals`](crate::render::RenderOptions::with_normals) is off.
     pub fn write_normals(&self, path: impl AsRef<Path>) -> Result<()> {
-        write_output(path.as_ref(), self.normals.clone(), "normals", |values| {
-            values.iter().map(|n| linear_byte(0.5 + 0.5 * n)).collect()
-        })
+        let normals = self.of_surfaces_in_png(path.as_ref(), self.normals.clone())?;
+        write_output(
+            path.as_ref(),
+            normals,
+            ("normals", Some(NORMALS)),
+            |values| values.iter().map(|n| linear_byte(0.5 + 0.5 * n)).collect(),
+        )
     }
 
     /// Writes the albedo: `.exr` and `.pfm` unchanged, `.png` as 8-bit sRGB.
@@ -91,9 +111,12 @@ impl Image {
     /// # Errors
     /// As [`Image::write`], or if [`RenderOptions::with_albedo`](crate::render::RenderOptions::with_albedo) is off.
     pub fn write_albedo(&self, path: impl AsRef<Path>) -> Result<()> {
-        write_output(path.as_ref(), self.albedo.clone(), "albedo", |values| {
-            values.iter().map(|&v| srgb_byte(v)).collect()
-        })
+        write_output(
+            path.as_ref(),
+            self.albedo.clone(),
+            ("albedo", None),
+            |values| values.iter().map(|&v| srgb_byte(v)).collect(),
+        )
     }
 
     /// Writes the opacity: `.exr` and `.pfm` with the same value in all three channels, `.png` as linear gray bytes,
@@ -103,9 +126,23 @@ impl Image {
     /// As [`Image::write`], or if [`RenderOptions::with_opacity`](crate::render::RenderOptions::with_opacity) is off.
     pub fn write_opacity(&self, path: impl AsRef<Path>) -> Result<()> {
         let opacity = self.opacity.as_ref().map(in_three_channels);
-        write_output(path.as_ref(), opacity, "opacity", |values| {
+        write_output(path.as_ref(), opacity, ("opacity", None), |values| {
             values.iter().step_by(3).map(|&v| linear_byte(v)).collect()
         })
+    }
+
+    /// Returns an output that is premultiplied by the opacity, for a PNG that of the visible surfaces.
+    fn of_surfaces_in_png(
+        &self,
+        path: &Path,
+        output: Option<Tensor<3>>,
+    ) -> Result<Option<Tensor<3>>> {
+        match (output, &self.opacity) {
+            (Some(output), Some(opacity)) if format_of(path)? == ImageFormat::Png => {
+                unpremultiply(output, opacity.clone(), 1e-6).map(Some)
+            }
+            (output, _) => Ok(output),
+        }
     }
 }
 
@@ -120,7 +157,7 @@ fn in_three_channels(plane: &Tensor<2>) -> Tensor<3> {
 fn write_output(
     path: &Path,
     output: Option<Tensor<3>>,
-    field: &str,
+    (field, layer): (&str, Option<Layer>),
     picture: impl FnOnce(&[f32]) -> Vec<u8>,
 ) -> Result<()> {
     let format = format_of(path)?;
@@ -130,7 +167,7 @@ fn write_output(
     })?;
     let data = HostImage::take(output)?;
     if format != ImageFormat::Png {
-        return data.write(path);
+        return data.write_layer(path, layer);
     }
     let [w, h] = sides(data.width, data.height)?;
     let bytes = picture(&data.pixels);

@@ -1,7 +1,7 @@
 //! Files that appear under their names only when they are complete.
 
 use std::fs;
-use std::io::{BufWriter, Read, Write};
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -64,23 +64,38 @@ pub(crate) fn write_whole(
     Part::write(path, write)?.publish()
 }
 
-/// Checks that a file of `bytes` bytes can be written: writes as many under a temporary name and removes them.
-pub(super) fn check_writable(path: &Path, bytes: usize) -> Result<()> {
-    let zeros = |file: &mut BufWriter<fs::File>| {
-        let written = std::io::copy(&mut std::io::repeat(0).take(bytes as u64), file);
-        written.map(drop).map_err(Error::io(path))
-    };
-    let error = match Part::write(path, zeros) {
-        Ok(_) => return Ok(()),
-        Err(Error::Io { source, .. }) => source,
-        Err(other) => return Err(other),
-    };
+/// Checks that a file of `bytes` bytes can be written: that its folder takes a small file, which is removed, and that the
+/// disk has the space.
+pub(super) fn check_writable(path: &Path, bytes: u64) -> Result<()> {
     let folder = folder_of(path);
-    let message = format!(
-        "{bytes} bytes for it can't be written to the folder {}: {error}",
-        folder.display()
-    );
-    Err(Error::format(path, message))
+    let failed = |why: String| {
+        let message = format!(
+            "{bytes} bytes for it can't be written to the folder {}: {why}",
+            folder.display()
+        );
+        Err(Error::format(path, message))
+    };
+    match Part::of(path, &[&[0; 4096]]) {
+        Ok(_) => {}
+        Err(Error::Io { source, .. }) => return failed(source.to_string()),
+        Err(other) => return Err(other),
+    }
+    match free_space(folder) {
+        Ok(free) if free < bytes => failed(format!("the disk has {free} bytes of free space")),
+        // Some file systems don't tell their free space.
+        _ => Ok(()),
+    }
+}
+
+/// Returns the number of bytes that may be written to the file system of a folder.
+#[cfg(not(target_family = "wasm"))]
+fn free_space(folder: &Path) -> std::io::Result<u64> {
+    fs4::available_space(folder)
+}
+
+#[cfg(target_family = "wasm")]
+fn free_space(_: &Path) -> std::io::Result<u64> {
+    Err(std::io::ErrorKind::Unsupported.into())
 }
 
 /// Returns the folder of a file.

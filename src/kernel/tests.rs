@@ -86,8 +86,8 @@ fn a_textured_emitter_is_chosen_by_its_mean_radiance() {
 fn a_tree_over_edges_is_reused_while_faces_stay() {
     let device = Device::flex();
     for for_gpu in [false, true] {
-        let (boxes, edges) = (LastHierarchy::default(), LastEdges::default());
-        let shape = |level: u32, height: f64| {
+        let (boxes, kept) = (LastHierarchy::default(), LastEdges::default());
+        let shape = |level: u32, height: f64, edges: &LastEdges| {
             let ball = shapes::icosphere(level, &device).scaled([1.0, 1.0, height]);
             let mut host =
                 HostScene::new(&Scene::new().with_object(Object::new(ball))).expect("values");
@@ -96,12 +96,14 @@ fn a_tree_over_edges_is_reused_while_faces_stay() {
                 objects: vec![1],
                 ..Wanted::default()
             };
-            let sets = EdgeSets::new(&host, &packed, &wanted, &edges, for_gpu);
+            let sets = EdgeSets::new(&host, &packed, &wanted, edges, for_gpu);
             sets.shapes()[0].clone()
         };
-        let first = shape(2, 1.0);
+        let first = shape(2, 1.0, &kept);
         assert_eq!(first.edges.iter().filter(|&&e| e != u32::MAX).count(), 480);
-        assert!(Arc::ptr_eq(&first, &shape(2, 1.1)));
-        assert!(!Arc::ptr_eq(&first, &shape(3, 1.1)));
+        assert!(Arc::ptr_eq(&first, &shape(2, 0.6, &kept)));
+        // Without the one before, a flat ball has another tree.
+        assert!(first.edges != shape(2, 0.6, &LastEdges::default()).edges);
+        assert!(!Arc::ptr_eq(&first, &shape(3, 0.6, &kept)));
     }
 }

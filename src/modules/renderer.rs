@@ -23,7 +23,7 @@ impl Renderer {
     /// # Errors
     /// If an option is out of its range.
     pub fn new(options: RenderOptions) -> Result<Self> {
-        options.check()?;
+        options.check_values()?;
         Ok(Self { options })
     }
 
@@ -38,7 +38,7 @@ impl Renderer {
     /// If the blur is out of its range.
     pub fn with_blur(mut self, blur: f64) -> Result<Self> {
         self.options = self.options.with_blur(blur);
-        self.options.check()?;
+        self.options.check_values()?;
         Ok(self)
     }
 

@@ -13,7 +13,7 @@ impl RenderOptions {
     /// Checks that images with `pixels` pixels in total are within the memory limit.
     pub(super) fn check_memory(&self, pixels: u128) -> Result<()> {
         let o = self.outputs;
-        let planes = [o.opacity, o.depth].map(u128::from);
+        let planes = [o.need_opacity(), o.depth].map(u128::from);
         let colors = [true, o.normals, o.albedo].map(u128::from);
         let channels = planes.iter().sum::<u128>() + 3 * colors.iter().sum::<u128>();
         let bytes = 4 * channels * pixels;
@@ -48,8 +48,24 @@ impl RenderOptions {
         Error::invalid("options", "width × height", size, expected)
     }
 
+    /// Checks that an image can be rendered with these options, without rendering it: that all values are in their ranges,
+    /// and that one image is within the memory limit. A program calls it before it loads a large scene.
+    ///
+    /// ```
+    /// use softray::prelude::*;
+    /// assert!(RenderOptions::new(64, 64).check().is_ok());
+    /// assert!(RenderOptions::new(65_535, 65_535).check().is_err());
+    /// ```
+    ///
+    /// # Errors
+    /// As [`render`](super::render) for these options.
+    pub fn check(&self) -> Result<()> {
+        self.check_values()?;
+        self.check_memory(self.width as u128 * self.height as u128)
+    }
+
     /// Checks that all values are in their ranges.
-    pub(crate) fn check(&self) -> Result<()> {
+    pub(crate) fn check_values(&self) -> Result<()> {
         let wrong = |field, value: &dyn ToString, expected: &str| {
             Err(Error::invalid(
                 "options",

@@ -7,7 +7,6 @@ use burn::tensor::Tensor;
 use super::film::{Image, ImageBatch, Means, Program, Statistics};
 use super::kernel;
 use super::options::{Engine, RenderOptions};
-use super::outputs::Outputs;
 use super::tangent::{OnDevice, Tangent};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Scene, check_devices, host_device, visit_tensors};
@@ -87,7 +86,7 @@ pub fn render_derivative(
     options.adaptive = false;
     options.statistics = false;
     options.diagnostics = false;
-    options.check()?;
+    options.check_values()?;
     options.check_gradient()?;
     let pixels = options.width as u128 * options.height as u128;
     options.check_memory(pixels * (tangents.len() as u128 + 1))?;
@@ -114,7 +113,7 @@ pub fn render_derivative(
 
 /// Makes images of the means `[K + 1, P, C]`, the last of which are the values.
 fn images(means: Tensor<3>, program: Program, options: &RenderOptions) -> ImageDerivative {
-    let [count, _, channels] = means.dims();
+    let count = means.dims()[0];
     let size = [options.width, options.height];
     let values = means.clone().narrow(0, count - 1, 1);
     let tangents = means.narrow(0, 0, count - 1);
@@ -122,7 +121,7 @@ fn images(means: Tensor<3>, program: Program, options: &RenderOptions) -> ImageD
         program,
         ..Statistics::default()
     };
-    let of = |mean: Tensor<3>, outputs: Outputs| {
+    let of = |mean: Tensor<3>| {
         let [views, pixels, channels] = mean.dims();
         let means = Means {
             mean: mean.reshape([views * pixels, channels]),
@@ -130,35 +129,10 @@ fn images(means: Tensor<3>, program: Program, options: &RenderOptions) -> ImageD
             statistics: vec![statistics.clone(); views],
             diagnostics: Vec::new(),
         };
-        means.images(size, outputs)
+        means.images(size, options.outputs)
     };
-    let image = of(values.clone(), options.outputs).view(0);
-    // Depth and normals are quotients by the opacity: (a / o)′ = (a′ − (a / o)·o′) / o.
-    let Outputs { depth, normals, .. } = options.outputs;
-    let plain = Outputs {
-        depth: false,
-        normals: false,
-        ..options.outputs
-    };
-    let mut by = of(tangents.clone(), plain);
-    if channels > 4 {
-        let opacity = values.clone().narrow(2, 3, 1);
-        let nothing = opacity.clone().lower_elem(1e-12);
-        let opacity = opacity.mask_fill(nothing.clone(), 1.0);
-        let values = values.narrow(2, 4, channels - 4) / opacity.clone();
-        let by_opacity = tangents.clone().narrow(2, 3, 1);
-        let all = (tangents.narrow(2, 4, channels - 4) - values * by_opacity) / opacity;
-        let all = all.clone().mask_fill(nothing.expand(all.dims()), 0.0);
-        let [width, height] = size;
-        let first = count - 1;
-        by.depth = depth.then(|| all.clone().narrow(2, 0, 1).reshape([first, height, width]));
-        by.normals = normals.then(|| {
-            let normals = all.narrow(2, channels - 7, 3);
-            normals.reshape([first, height, width, 3])
-        });
-    }
     ImageDerivative {
-        image,
-        tangents: by,
+        image: of(values).view(0),
+        tangents: of(tangents),
     }
 }

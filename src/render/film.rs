@@ -96,14 +96,15 @@ impl Statistics {
 pub struct Image {
     /// Linear RGB radiance `[H, W, 3]`, row 0 at the top.
     pub radiance: Tensor<3>,
-    /// Opacity `[H, W]`, if requested: 1 − W_background, with the background's weight W_background over the primary
-    /// rays.
+    /// Opacity `[H, W]`, if requested or if depth or normals are: 1 − W_background, with the background's weight
+    /// W_background over the primary rays.
     pub opacity: Option<Tensor<2>>,
-    /// Depth `[H, W]`, if requested: the expected distance along the primary rays to the visible surfaces, in scene
-    /// units. It is 0 in pixels without a surface.
+    /// Depth `[H, W]`, if requested: the mean over the primary rays of the distance along them to the visible surface, in
+    /// scene units, with 0 for rays that hit nothing. So it is linear in what a pixel sees, like the radiance, and so are
+    /// its derivatives; [`unpremultiply`](super::unpremultiply) returns the mean over the rays that hit a surface.
     pub depth: Option<Tensor<2>>,
-    /// Normals `[H, W, 3]`, if requested: the expected geometric normal of the visible surfaces, facing the camera.
-    /// They are 0 in pixels without a surface.
+    /// Normals `[H, W, 3]`, if requested: the mean over the primary rays of the geometric normal of the visible surface,
+    /// facing the camera, with 0 for rays that hit nothing (see [`Image::depth`]).
     pub normals: Option<Tensor<3>>,
     /// The albedo `[H, W, 3]`, if requested ([`RenderOptions::with_albedo`](super::RenderOptions::with_albedo)). It is
     /// not differentiable.
@@ -272,20 +273,9 @@ impl Means {
         let plane_of = |t: Tensor<2>| t.reshape(plane);
         let color_of = |t: Tensor<2>| t.reshape(color);
         let radiance = color_of(take(3));
-        let opacity = outputs.need_opacity().then(|| take(1));
-        let seen = opacity.as_ref().map(|o| {
-            let nothing = detached(o).lower_elem(1e-12);
-            (o.clone().mask_fill(nothing.clone(), 1.0), nothing)
-        });
-        let per_opacity = |t: Tensor<2>| match &seen {
-            Some((opacity, nothing)) => {
-                let shape = t.dims();
-                (t / opacity.clone()).mask_fill(nothing.clone().expand(shape), 0.0)
-            }
-            None => t,
-        };
-        let depth = outputs.depth.then(|| plane_of(per_opacity(take(1))));
-        let normals = outputs.normals.then(|| color_of(per_opacity(take(3))));
+        let opacity = outputs.need_opacity().then(|| plane_of(take(1)));
+        let depth = outputs.depth.then(|| plane_of(take(1)));
+        let normals = outputs.normals.then(|| color_of(take(3)));
         let albedo = outputs.albedo.then(|| detached(&color_of(take(3))));
         let object_ids = outputs.object_ids.then(|| {
             let index = take(self.objects + 1).inner().argmax(1);
@@ -294,7 +284,7 @@ impl Means {
         });
         Channels {
             radiance,
-            opacity: opacity.filter(|_| outputs.opacity).map(plane_of),
+            opacity,
             depth,
             normals,
             albedo,

@@ -42,7 +42,7 @@ pub use derivative::{ImageDerivative, render_derivative};
 pub(crate) use film::Means;
 pub use film::{Image, ImageBatch, Program, Statistics, SurfacesPerRay};
 pub use options::{Engine, RenderOptions};
-pub use outputs::Outputs;
+pub use outputs::{Outputs, unpremultiply};
 pub use overview::overview;
 #[cfg(feature = "remote")]
 pub(crate) use remote::client::finish;
@@ -55,6 +55,11 @@ pub(crate) use values::Values;
 /// The image is in the autodiff graph of every tracked tensor of the scene and the camera: vertices, transforms,
 /// velocities, materials, textures, lights, environment, camera pose, field of view and lens. Without a tracked tensor,
 /// no tape is recorded. On the CPU, tiles run on all cores.
+///
+/// Gradients are first derivatives: burn has no others. The tensors of `backward()` are outside of any graph, so a loss
+/// that is computed from a gradient has no derivative with respect to the scene (burn's `backward()` panics on a loss that
+/// nothing tracks, and `grad` returns none or zeros). Gauss–Newton steps need none: [`render_derivative`] returns the first
+/// derivatives of all pixels.
 ///
 /// [`softray`](crate) has an example.
 ///
@@ -79,7 +84,7 @@ pub async fn render_async(
     camera: &Camera,
     options: &RenderOptions,
 ) -> Result<Image> {
-    options.check()?;
+    options.check_values()?;
     let batch = Batch::views(vec![scene.clone()], vec![(0, camera.clone())])?;
     #[cfg(feature = "remote")]
     if batch.is_remote() {
@@ -125,7 +130,7 @@ pub fn render_pixels(
     if pixels.is_empty() {
         return wrong("list", "empty", "at least one pixel");
     }
-    options.check()?;
+    options.check_values()?;
     options.check_memory(pixels.len() as u128)?;
     // Each pixel is traced once, even if the list repeats it.
     let mut rows = HashMap::with_capacity(pixels.len());
@@ -224,7 +229,7 @@ pub(crate) fn means(
     options: &RenderOptions,
     pixels: Option<Arc<Vec<u32>>>,
 ) -> Result<Means> {
-    options.check()?;
+    options.check_values()?;
     let count = match &pixels {
         Some(pixels) => pixels.len() as u128,
         None => options.width as u128 * options.height as u128,

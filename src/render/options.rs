@@ -252,12 +252,15 @@ impl RenderOptions {
         with_memory_limit(bytes: u64) memory_limit = bytes;
         /// Also returns the opacity `[H, W]`: the fraction of a pixel that surfaces cover, 0 to 1.
         with_opacity() outputs.opacity = true;
-        /// Also returns the depth `[H, W]`: the mean distance along the primary rays to the surfaces that they hit, in
-        /// scene units. Pixels without a hit have depth 0. PyTorch3D's `zbuf` differs: it is measured along the view
-        /// axis. [`Camera::axial_depth`](crate::scene::Camera::axial_depth) converts the depth to it.
+        /// Also returns the depth `[H, W]`: the mean over the primary rays of the distance along them to the surface that
+        /// they hit, in scene units, and of 0 for rays that hit nothing. The opacity is returned, too:
+        /// [`unpremultiply`](super::unpremultiply) converts the depth to the mean over the rays that hit a surface.
+        /// PyTorch3D's `zbuf` differs: it is measured along the view axis.
+        /// [`Camera::axial_depth`](crate::scene::Camera::axial_depth) converts the depth to it.
         with_depth() outputs.depth = true;
-        /// Also returns normals `[H, W, 3]`: the mean geometric normal of the surfaces that primary rays hit, on the
-        /// side that faces the camera, in scene axes. Pixels without a hit have normal 0.
+        /// Also returns normals `[H, W, 3]`: the mean over the primary rays of the geometric normal of the surface that
+        /// they hit, on the side that faces the camera, in scene axes, and of 0 for rays that hit nothing. The opacity is
+        /// returned, too, for [`unpremultiply`](super::unpremultiply).
         with_normals() outputs.normals = true;
         /// Also returns the albedo `[H, W, 3]`, an input of denoisers in the form that Open Image Denoise takes: the mean
         /// color, in [0, 1], of the surfaces that primary rays hit, whatever light falls on them. It is the albedo of

@@ -158,16 +158,42 @@ mod tests {
 
     fn uncorrelated(sampler: Sampler) {
         let paths: Vec<_> = (0..65536).map(|i| (i / 16, i % 16)).collect();
-        let [a, ..] = sampler.uniform(&paths, Dimensions::film());
-        let [_, _, b, _] = sampler.uniform(&paths, Dimensions::direction(0));
-        let mean = |f: &dyn Fn(usize) -> f64| (0..a.len()).map(f).sum::<f64>() / a.len() as f64;
-        // The standard errors are 0.0011 for the mean and 0.0003 for a covariance. The bounds are four of them.
-        assert!((mean(&|i| a[i]) - 0.5).abs() < 0.0045);
-        assert!((mean(&|i| a[i] * a[i]) - 1.0 / 3.0).abs() < 0.005);
-        assert!(mean(&|i| (a[i] - 0.5) * (b[i] - 0.5)).abs() < 0.0013);
-        assert!(mean(&|i| (a[i] - 0.5) * (a[(i + 16) % a.len()] - 0.5)).abs() < 0.0013);
-        assert!(a.iter().all(|&x| (0.0..1.0).contains(&x)));
-        assert!(a.iter().all(|&x| x == f64::from(x as f32)));
+        let mut sets = vec![Dimensions::film(), Dimensions::lens_and_time()];
+        for bounce in 0..3 {
+            sets.extend([Dimensions::direction(bounce), Dimensions::choices(bounce)]);
+        }
+        // Numbers, each with its dimension of the sequence.
+        let mut all = Vec::new();
+        for set in sets {
+            let pairs = [set.first, set.second].map(|pair| [2 * pair, 2 * pair + 1]);
+            all.extend(pairs.concat().into_iter().zip(sampler.uniform(&paths, set)));
+        }
+        // The time is given twice.
+        all.remove(7);
+        let count = paths.len();
+        let mean = |f: &dyn Fn(usize) -> f64| (0..count).map(f).sum::<f64>() / count as f64;
+        for (i, (dimension, a)) in all.iter().enumerate() {
+            // The standard errors are 0.0011 for the means and 0.0003 for a covariance. The bounds are four of them, and
+            // five for the covariances, which are many.
+            assert!((mean(&|k| a[k]) - 0.5).abs() < 0.0045, "{i}");
+            assert!((mean(&|k| a[k] * a[k]) - 1.0 / 3.0).abs() < 0.005, "{i}");
+            assert!(
+                mean(&|k| (a[k] - 0.5) * (a[(k + 16) % count] - 0.5)).abs() < 0.0016,
+                "{i}"
+            );
+            assert!(
+                a.iter()
+                    .all(|&x| (0.0..1.0).contains(&x) && x == f64::from(x as f32))
+            );
+            for (j, (other, b)) in all[..i].iter().enumerate() {
+                // Light of a connection and of the continuation are added up: they share dimensions of the sequence.
+                if sampler.sequence == Sequence::Sobol && dimension == other {
+                    continue;
+                }
+                let covariance = mean(&|k| (a[k] - 0.5) * (b[k] - 0.5));
+                assert!(covariance.abs() < 0.0016, "{i} and {j}: {covariance}");
+            }
+        }
     }
 
     /// Each of n samples of a pixel falls into a different n-th of every dimension. Other seeds, pixels and rounds have

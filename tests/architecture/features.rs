@@ -96,6 +96,23 @@ pub fn not_run() -> Vec<String> {
     all
 }
 
+/// Filters of commands that no test has: such a command passes without one.
+pub fn without_tests() -> Vec<String> {
+    let (subjects, commands) = (subjects(), commands_with("--features", &text(".ci/run")));
+    let is_of_a_test = |filter: &&str| {
+        let (module, name) = filter.split_once("::").unwrap_or((*filter, ""));
+        let test = format!("fn {name}");
+        let has = |s: &Subject| s.module == module && s.text.contains(&test);
+        subjects.iter().any(has)
+    };
+    let filters = commands
+        .iter()
+        .filter_map(|command| command.split_once(" -- "));
+    let filters = filters.flat_map(|(_, filters)| filters.split_whitespace());
+    let strange = filters.filter(|f| f.contains("::") && !is_of_a_test(f));
+    strange.map(|filter| format!(".ci/run: {filter}")).collect()
+}
+
 #[test]
 fn subjects_and_commands_are_found() {
     let found = subjects();

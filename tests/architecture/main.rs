@@ -11,7 +11,7 @@ mod order;
 mod paths;
 
 use circles::circles;
-use features::not_run;
+use features::{not_run, without_tests};
 use files::{long_without_reason, root, sources, too_long};
 use links::Pages;
 use modules::Modules;
@@ -82,4 +82,5 @@ fn links_lead_somewhere() {
 #[test]
 fn tests_of_features_are_run() {
     assert_none("tests of features that no command runs", &not_run());
+    assert_none("filters that no test has", &without_tests());
 }

@@ -1,4 +1,4 @@
-//! The order of the folders of src/: each imports only what stands to its right.
+//! The order of the folders and files of src/: each imports only what stands to its right.
 
 use std::collections::BTreeSet;
 
@@ -21,11 +21,10 @@ impl Order {
         self.0.iter().position(|p| p.iter().any(|n| n == folder))
     }
 
-    /// Folders that have no place in the order, and names in it that are no modules.
+    /// Folders and files of src/ that have no place in the order, and names in it that are no modules.
     pub fn differences(&self, modules: &Modules) -> Vec<String> {
-        let below = modules.names().filter(|m| m.len() > 1);
-        let folders: BTreeSet<&String> = below.map(|m| &m[0]).collect();
-        let lacks = folders.into_iter().filter(|f| self.place(f).is_none());
+        let parts: BTreeSet<&String> = modules.names().filter_map(|m| m.first()).collect();
+        let lacks = parts.into_iter().filter(|part| self.place(part).is_none());
         let exists = |name: &String| modules.names().any(|m| m.first() == Some(name));
         let strange = self.0.iter().flatten().filter(|name| !exists(name));
         lacks
@@ -64,11 +63,13 @@ fn imports_to_the_left_are_found() {
 #[test]
 fn folders_without_a_place_are_found() {
     let modules = crate::modules::made_up(&[("a/x.rs", ""), ("b.rs", ""), ("other.rs", "")]);
-    assert!(Order::parse("`a → b`").differences(&modules).is_empty());
+    let all = Order::parse("`a → b → other`");
+    assert!(all.differences(&modules).is_empty());
     assert_eq!(
         Order::parse("`b → c`").differences(&modules),
         [
             "src/a has no place in the order",
+            "src/other has no place in the order",
             "c is in the order, but not in src/"
         ]
     );

@@ -12,7 +12,8 @@ use super::tensors::{gradient, leaf, values};
 pub fn steps_are_those_without_a_cache(device: &Device) {
     let camera = Camera::look_at([1.0, 2.0, 4.0], [0.0, 0.2, 0.0]).with_fov_y(40.0);
     let options = RenderOptions::new(10, 10).with_samples(2).with_bounces(1);
-    let kept = options.clone().with_cache(&HierarchyCache::default());
+    let cache = HierarchyCache::default();
+    let kept = options.clone().with_cache(&cache);
     let floor = shapes::plane_grid(4.0, 4.0, 6, 6, device).translated([0.0, -0.8, 0.0]);
     let step = |sizes: [f32; 2], options: &RenderOptions| {
         let sizes = sizes.map(|size| leaf(&[size], device));
@@ -43,4 +44,7 @@ pub fn steps_are_those_without_a_cache(device: &Device) {
         assert!(wanted[..2].iter().all(|&by| by != 0.0), "{sizes:?}");
         assert_eq!(found, wanted, "{sizes:?}");
     }
+    let [built, refitted] = cache.counts();
+    println!("boxes built {built} times and refitted {refitted} times");
+    assert!(refitted > 0, "the cache kept nothing");
 }

@@ -235,6 +235,7 @@ pub fn assert_close(a: &Outcome, b: &Outcome, bound: f64) {
         a.loss,
         b.loss
     );
+    assert_eq!(a.gradients.len(), b.gradients.len());
     for ((name, a), (_, b)) in a.gradients.iter().zip(&b.gradients) {
         let apart = apart(a, b);
         println!("{name}: {apart:.1e} apart");
@@ -247,6 +248,7 @@ pub fn assert_close(a: &Outcome, b: &Outcome, bound: f64) {
 pub fn assert_taught(outcome: &Outcome) {
     assert!(outcome.loss.is_finite() && outcome.loss > 0.0);
     assert_eq!(outcome.gradients.len(), 6);
+    assert_eq!(outcome.parameters.len(), 6);
     for (name, gradient) in &outcome.gradients {
         assert!(!gradient.is_empty(), "{name} has no gradient");
         assert!(gradient.iter().all(|g| g.is_finite()), "{name}");

@@ -80,7 +80,7 @@ fn it_descends_and_keeps_a_history() {
     assert_eq!(kept.count(), 2);
 }
 
-/// The gradient of the bowl at 3 is 6 long; clipped to 0.5 a step of rate 1 is 0.5 long.
+/// The gradient of the bowl at (3, 4) is 10 long; clipped to 1, a step of rate 0.1 is 0.1 long.
 #[test]
 fn gradients_are_clipped_by_their_norm() {
     let step = |clip: Option<f64>| {

@@ -313,7 +313,10 @@ fn derivatives_by_vertices() {
 #[test]
 fn rays_are_counted_on_request() {
     let counted = ["cornell", "map", "pixels"];
-    for case in cases().iter().filter(|c| counted.contains(&c.name)) {
+    let mut cases = cases();
+    cases.retain(|case| counted.contains(&case.name));
+    assert_eq!(cases.len(), counted.len());
+    for case in &cases {
         let at = |device: &Device, counted: bool| {
             let (scene, camera) = (case.scene)(device);
             let options = (case.options)(RenderOptions::new(12, 12).with_samples(8).with_seed(3));

@@ -4,7 +4,7 @@ mod jumps;
 mod weights;
 
 use crate::common;
-use crate::common::numbers::mean_and_error;
+use crate::common::numbers::{apart, mean_and_error};
 use crate::common::scenes::{emitting, facing_down, floor, on_axis, scene_file, under_sky};
 use crate::common::tensors::{gradient, leaf, values};
 use burn::tensor::Device;
@@ -275,13 +275,15 @@ fn planes_of_any_size() {
             let gradient = gradient(&eye, &gradients);
             let finite = gradient.iter().all(|g| g.is_finite());
             assert!(finite, "{size:e}: {gradient:?}");
-            values(&image.radiance).iter().sum::<f64>()
+            (values(&image.radiance).iter().sum::<f64>(), gradient)
         };
-        let expected = seen(1e4);
+        let (expected, by_eye) = seen(1e4);
         for size in [1e5, 1e7, 1e9, 1e10] {
-            let ratio = seen(size) / expected;
-            println!("map {map}, half size {size:e}: {ratio:.5}");
+            let (found, by) = seen(size);
+            let (ratio, off) = (found / expected, apart(&by, &by_eye));
+            println!("map {map}, half size {size:e}: {ratio:.5}, the gradient is off by {off:.4}");
             assert!((ratio - 1.0).abs() < 1e-3, "{size:e}: {ratio}");
+            assert!(off < 0.1, "{size:e}: {off}");
         }
     }
 }

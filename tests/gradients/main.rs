@@ -10,6 +10,7 @@ mod cornell;
 mod engines;
 mod forward;
 mod memory;
+mod outputs;
 mod replay;
 mod shadow;
 mod shares;

@@ -66,6 +66,8 @@ fn more_samples_where_the_noise_is() {
     let (usual, shared) = (in_a_mirror(false, seeds), in_a_mirror(true, seeds));
     let [(mean, error), (other, other_error)] = [&usual, &shared].map(|v| mean_and_error(v));
     println!("usual {mean:.4} ± {error:.4}, shared {other:.4} ± {other_error:.4}");
+    // More noise would hide a bias.
+    assert!(error.hypot(other_error) < 0.1 * mean.abs());
     assert!((mean - other).abs() < 3.0 * error.hypot(other_error));
     assert!(other_error < 0.8 * error);
     assert_eq!(in_a_mirror(true, 2), shared[..2]);

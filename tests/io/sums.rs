@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex};
 use crate::common::errors::{message, says};
 use crate::common::folder::Folder;
 use crate::common::memory::{peak, resident};
+use crate::common::numbers::furthest;
 use crate::common::process::alone;
 use crate::common::tensors::{gradient, radiance};
 use crate::gltf_maker::{Gltf, data_uri};
@@ -157,9 +158,12 @@ fn faces_at_one_place_take_linear_time() {
         let camera = Camera::look_at([0.2, 0.4, 2.0], [0.5, 0.5, 0.0]);
         radiance(&scene, &camera, &small())
     };
-    let (one, many) = (shown(1), shown(40_000));
-    let off = one.iter().zip(&many).map(|(a, b)| (a - b).abs());
-    let off = off.fold(0.0, f64::max);
+    let one = shown(1);
+    let start = std::time::Instant::now();
+    let many = shown(40_000);
+    println!("{:?}", start.elapsed());
+    assert!(start.elapsed().as_secs() < 60, "{:?}", start.elapsed());
+    let off = furthest(&one, &many);
     assert!(off < 0.05, "{off}");
 }
 

@@ -8,6 +8,7 @@ use softray::burn;
 use softray::optim::{Evaluation, Fit, Part};
 use softray::prelude::*;
 
+use crate::common::numbers::furthest;
 use crate::common::views::squares;
 use crate::server::Server;
 
@@ -60,12 +61,10 @@ fn fitted(devices: &[Device], weights: &[f64]) -> Vec<f32> {
     fitted.expect("a fit").module.values()
 }
 
-fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
-    assert!(a.len() == b.len() && a.iter().any(|v| v.abs() > 1e-3));
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b).abs())
-        .fold(0.0, f32::max)
+fn largest_difference(a: &[f32], b: &[f32]) -> f64 {
+    assert!(a.iter().any(|v| v.abs() > 1e-3));
+    let [a, b] = [a, b].map(|list| list.iter().copied().map(f64::from).collect::<Vec<_>>());
+    furthest(&a, &b)
 }
 
 #[test]

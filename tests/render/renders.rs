@@ -337,6 +337,8 @@ fn fine_faces_render_like_coarse_ones() {
             (found / expected - 1.0).abs() < 0.02,
             "{form:?}: {found}, expected {expected}"
         );
+        // More noise would hide what is wrong.
+        assert!(noise < 0.1 * expected, "{form:?}: {noise} of {expected}");
         assert!(
             difference < 1.3 * noise + 0.003,
             "{form:?}: {difference}, noise {noise}"

@@ -4,7 +4,7 @@
 use crate::common::errors::{message, says};
 use crate::common::gradients::SHARP;
 use crate::common::memory::resident;
-use crate::common::numbers::{furthest, largest, pairs};
+use crate::common::numbers::{furthest, largest, mean, pairs, rmse};
 use crate::common::process::alone;
 use crate::common::scenes::{on_axis, scene_file, under_sky};
 use crate::common::stress::cases::cases;
@@ -239,34 +239,39 @@ fn orientation_does_not_matter() {
 #[test]
 fn the_limits_are_approached_without_a_jump() {
     let device = Device::flex();
-    let at = |form| {
+    let at = |form: Visibility, seed: u64| {
         let world = World::new().with(|w| {
             w.options = RenderOptions::new(12, 12)
                 .with_samples(16)
                 .with_bounces(1)
-                .with_visibility(form);
+                .with_visibility(form)
+                .with_seed(seed);
         });
-        world.run(&device, DType::F32).expect("an image").mean()
+        world.run(&device, DType::F32).expect("an image").image
     };
-    let sharp = at(SHARP);
+    let sharp = at(SHARP, 0);
+    let noise = rmse(&at(SHARP, 1), &sharp);
+    let close = |what: String, form: Visibility, [of_mean, of_pixels]: [f64; 2]| {
+        let image = at(form, 0);
+        let moved = (mean(&image) / mean(&sharp) - 1.0).abs();
+        let off = rmse(&image, &sharp) / noise;
+        println!("{what}: the mean is off by {moved:.4}, pixels by {off:.3} of the noise");
+        assert!(moved < of_mean, "{what}: {moved}");
+        assert!(off < of_pixels, "{what}: {off}");
+    };
     for exponent in 6..=14 {
         let blur = 10f64.powi(-exponent);
-        let mean = at(Visibility::Cone {
-            angle: blur.sqrt().to_degrees(),
-            pixels: blur.sqrt(),
-        });
-        assert!(
-            (mean / sharp - 1.0).abs() < 0.01,
-            "angle {}: {mean}, limit {sharp}",
-            blur.sqrt()
-        );
+        let [angle, pixels] = [blur.sqrt().to_degrees(), blur.sqrt()];
+        let cone = Visibility::Cone { angle, pixels };
+        close(format!("angle {angle:e}"), cone, [0.01, 1.2]);
         // The swelling √(σ·Δz/γ) needs σ ≪ γ.
         let gamma = 10f64.powi(-(exponent / 2));
-        let mean = at(Visibility::softmax(blur, gamma));
-        let tolerance = 3.0 * 10f64.powi(-exponent / 4) + 0.01;
-        assert!(
-            (mean / sharp - 1.0).abs() < tolerance,
-            "σ 1e-{exponent}, γ {gamma:e}: {mean}, limit {sharp}"
+        let swelling = (blur / gamma).sqrt();
+        let softmax = Visibility::softmax(blur, gamma);
+        close(
+            format!("σ 1e-{exponent}, γ {gamma:e}"),
+            softmax,
+            [3.0 * swelling + 0.01, 1.2],
         );
     }
 }
@@ -320,6 +325,7 @@ fn hdr_texels_stay_finite() {
 }
 
 #[test]
+#[cfg_attr(not(target_os = "linux"), ignore = "memory is known on Linux alone")]
 fn memory_stays_flat_over_repeated_renders() {
     if !alone(memory_stays_flat_over_repeated_renders) {
         return;
@@ -348,8 +354,12 @@ fn memory_stays_flat_over_repeated_renders() {
     }
     let after = resident();
     println!("forward {before} → {forward} MiB, with backward {warm} → {after} MiB");
-    assert!(forward <= 1.05 * before, "{before} → {forward} MiB");
-    assert!(after <= 1.05 * warm, "{warm} → {after} MiB");
+    // A leak of 2 KiB a render would show.
+    assert!(
+        before > 0.0 && forward <= before + 2.0,
+        "{before} → {forward} MiB"
+    );
+    assert!(after <= warm + 2.0, "{warm} → {after} MiB");
 }
 
 /// Glass that shines is not lit by the plane that it is in, where rounding says which side a point is on.

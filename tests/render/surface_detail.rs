@@ -68,6 +68,7 @@ fn tangents_are_those_of_mikktspace() {
         generate_tangents(&mut reference).expect("tangents");
         let own = mesh.clone().mikktspace_tangents().tangents.expect("it");
         let rows = values(&own.values);
+        assert_eq!(own.faces.len(), reference.tangents.len());
         for (f, (spaces, wanted)) in own.faces.iter().zip(&reference.tangents).enumerate() {
             for (&space, wanted) in spaces.iter().zip(wanted) {
                 let found = &rows[4 * space as usize..][..4];

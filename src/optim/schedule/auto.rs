@@ -94,7 +94,6 @@ impl View {
         let options = RenderOptions::new(GRID, GRID)
             .with_samples(1)
             .with_bounces(0)
-            .with_opacity()
             .with_depth()
             .quietly();
         let image = render(&scene, &camera, &options)?;
@@ -105,7 +104,7 @@ impl View {
             .filter(|&i| opacity[i] > 0.5)
             .map(|i| {
                 let [x, y] = [i % GRID, i / GRID].map(on_film);
-                depth[i] / (1.0 + x * x + y * y).sqrt()
+                depth[i] / opacity[i] / (1.0 + x * x + y * y).sqrt()
             })
             .collect();
         seen.sort_by(f64::total_cmp);

@@ -132,8 +132,13 @@ fn lights_are_chosen_without_bias() {
         let usual: Vec<f64> = pairs.iter().map(|pair| pair[1][k]).collect();
         let differences: Vec<f64> = pairs.iter().map(|[a, b]| a[k] - b[k]).collect();
         let (mean, error) = mean_and_error(&differences);
-        let (usual, noise) = mean_and_error(&usual);
-        println!("list {k}: {usual:.4} ± {noise:.4}, late {mean:.4} ± {error:.4} more");
-        assert!(error > 0.0 && mean.abs() < 4.0 * error, "list {k}");
+        let (size, noise) = mean_and_error(&usual);
+        println!("list {k}: {size:.4} ± {noise:.4}, late {mean:.4} ± {error:.4} more");
+        // Two renders of independent noise differ by √2 of it; choices by earlier values are a little worse.
+        assert!(
+            error > 0.0 && error < 3.0 * noise,
+            "list {k}: {error}, {noise}"
+        );
+        assert!(mean.abs() < 4.0 * error, "list {k}");
     }
 }

@@ -6,6 +6,9 @@ use softray::prelude::*;
 
 use crate::common::tensors::tensor as constant;
 
+/// TODO
+const STEP: f64 = 8.0;
+
 /// A parameter: its value, the step of its difference, and whether it moves an object, a light or the camera.
 pub struct Number {
     name: String,
@@ -61,7 +64,7 @@ impl RandomScene {
         let least = if maker.refracts { 2 } else { 0 };
         let bounces = maker.pick(3).max(least) as u32;
         let options = RenderOptions::new(10, 10)
-            .with_samples(32)
+            .with_samples(64)
             .with_bounces(bounces)
             .with_blur(angle);
         for number in &mut maker.numbers {
@@ -157,7 +160,7 @@ impl<'a> Maker<'a> {
         self.numbers.push(Number {
             name: name.into(),
             value,
-            step,
+            step: STEP * step,
             moves,
             differentiable: true,
         });
