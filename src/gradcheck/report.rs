@@ -38,7 +38,7 @@ impl Estimate {
 pub enum Verdict {
     /// The comparison is precise, and no disagreement is significant.
     Agrees,
-    /// The difference exceeds both 3.5 standard errors and the tolerance.
+    /// The difference exceeds both 3.5 standard errors (more for few seeds) and the tolerance.
     Disagrees,
     /// No disagreement is significant, but the seeds ran out before the standard error was small enough.
     Undecided,

@@ -59,16 +59,16 @@ impl GradCheck {
     }
 
     /// Sets the tolerance, as a fraction of the difference (0.01 by default). It allows for rounding. A disagreement
-    /// exceeds both the tolerance and 3.5 standard errors.
+    /// exceeds both the tolerance and 3.5 standard errors, or more for few seeds.
     pub fn with_tolerance(mut self, share: f64) -> Self {
         self.tolerance = share;
         self
     }
 
-    /// Sets the minimum and maximum number of seeds (32 and 4,096 by default, even and at least 4). Per seed, a gradient
+    /// Sets the minimum and maximum number of seeds (32 and 4,096 by default, even and at least 8). Per seed, a gradient
     /// takes one render and a difference two.
     pub fn with_seeds(mut self, least: u64, most: u64) -> Self {
-        self.least = least.max(4).next_multiple_of(2);
+        self.least = least.max(8).next_multiple_of(2);
         self.budget = most.max(self.least).next_multiple_of(2);
         self
     }
@@ -99,14 +99,12 @@ impl GradCheck {
         row.apart.error <= self.precision * row.difference.mean.abs()
     }
 
-    /// Whether a row needs no more seeds. Of many rows some are a few standard errors apart by chance, most of all with few
-    /// seeds, so a disagreement is confirmed with more.
+    /// Whether a row needs no more seeds. Of many rows some disagree by chance, so that it is confirmed with more seeds.
     pub(super) fn decided(&self, row: &Row) -> bool {
+        let is_certain = || row.apart.mean.abs() > 3.0 * limit(row.apart.seeds) * row.apart.error;
         match row.verdict {
             Verdict::Agrees => true,
-            Verdict::Disagrees => {
-                row.apart.mean.abs() > 10.0 * row.apart.error && row.apart.seeds >= 32
-            }
+            Verdict::Disagrees => is_certain(),
             Verdict::Undecided => false,
         }
     }
@@ -127,7 +125,9 @@ impl GradCheck {
 
     fn verdict(&self, row: &Row) -> Verdict {
         let apart = row.apart.mean.abs();
-        if apart > 3.5 * row.apart.error && apart > self.tolerance * row.difference.mean.abs() {
+        if apart > limit(row.apart.seeds) * row.apart.error
+            && apart > self.tolerance * row.difference.mean.abs()
+        {
             Verdict::Disagrees
         } else if self.precise(row) {
             Verdict::Agrees
@@ -135,4 +135,14 @@ impl GradCheck {
             Verdict::Undecided
         }
     }
+}
+
+/// Returns the number of standard errors that a mean exceeds as rarely as 3.5 with very many seeds: Student's t by its first
+/// terms (Fisher and Cornish 1960). Two seeds make one number.
+fn limit(seeds: u64) -> f64 {
+    let z = 3.5f64;
+    let freedom = (seeds / 2).saturating_sub(1).max(1) as f64;
+    let [z2, z4] = [2, 4].map(|power| z.powi(power));
+    let second = (5.0 * z4 + 16.0 * z2 + 3.0) / (96.0 * freedom * freedom);
+    z * (1.0 + (z2 + 1.0) / (4.0 * freedom) + second)
 }

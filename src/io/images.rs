@@ -7,7 +7,7 @@ use image::{ExtendedColorType, ImageFormat};
 
 use super::LoadLimits;
 use super::decode::Decoded;
-use super::exr_write::Layer;
+use super::exr_write::{Layer, write_exr};
 use super::files::Files;
 use super::srgb::{srgb_byte, srgb_table};
 use super::whole::{check_writable, ending, folder_of, write_whole};
@@ -196,7 +196,8 @@ impl HostImage {
                 image::write_buffer_with_format(file, &bytes, w, h, ExtendedColorType::Rgb8, format)
                     .map_err(|e| failed(&e))
             }
-            _ => self.write_exr(file, layer).map_err(|e| failed(&e)),
+            _ => write_exr(file, (self.width, self.height), &self.pixels, layer)
+                .map_err(|e| failed(&e)),
         }
     }
 

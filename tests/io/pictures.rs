@@ -68,6 +68,19 @@ fn outputs_are_pictures_and_data() {
     let from_top = numbers.chunks(3 * 32).rev().flatten().copied().collect();
     same(from_top, &normals, 1);
 
+    // EXR layers say which form they hold.
+    for (file, layer) in [
+        ("depth", "depth.premultiplied"),
+        ("normals", "normals.premultiplied"),
+    ] {
+        let path = folder.path(&format!("{file}.exr"));
+        let read = exr::prelude::read_first_flat_layer_from_file(path).expect("a layer");
+        let attributes = read.layer_data.attributes;
+        assert_eq!(attributes.layer_name.expect("a name").to_string(), layer);
+        let comment = attributes.comments.expect("a comment").to_string();
+        assert!(comment.contains("divide by the opacity"), "{comment}");
+    }
+
     let picture = |name: &str| image::open(folder.path(name)).expect("a picture");
     let radiance = picture("radiance.png");
     assert_eq!(radiance.dimensions(), (32, 24));
@@ -80,6 +93,11 @@ fn outputs_are_pictures_and_data() {
     // Of the default albedo of 0.5 in sRGB.
     assert_eq!(of_albedo.get_pixel(16, 12).0[..3], [188; 3]);
     let byte = |v: f64| (255.0 * v.clamp(0.0, 1.0)).round();
+    // Pictures show visible surfaces, files of data what whole pixels see.
+    assert!(opacity.iter().any(|&o| o > 0.0 && o < 1.0));
+    let of_surfaces = |v: f64, o: f64| if o > 0.0 { v / o } else { 0.0 };
+    let depths = depth.iter().zip(&opacity).map(|(&d, &o)| of_surfaces(d, o));
+    let depth: Vec<f64> = depths.collect();
     let seen = || depth.iter().copied().filter(|&d| d > 0.0);
     let (near, far) = (
         seen().fold(f64::INFINITY, f64::min),
@@ -91,18 +109,18 @@ fn outputs_are_pictures_and_data() {
         let close = |a: u8, b: f64| assert!((f64::from(a) - b).abs() <= 1.0, "{a}, {b}");
         close(of_opacity.get_pixel(x, y).0[0], byte(o));
         for c in 0..3 {
-            let n = normals[3 * i + c];
+            let n = of_surfaces(normals[3 * i + c], o);
             close(of_normals.get_pixel(x, y).0[c], byte(0.5 + 0.5 * n));
         }
         let color = &of_depth.get_pixel(x, y).0[..3];
         if d == 0.0 {
             assert_eq!(color, [128; 3]);
             found[0] += 1;
-        } else if d == near {
+        } else if d < near + 1e-5 {
             // The ends of viridis.
             assert!(color[0] > 60 && color[1] < 5 && color[2] > 80, "{color:?}");
             found[1] += 1;
-        } else if d == far {
+        } else if d > far - 1e-5 {
             assert!(
                 color[0] > 245 && color[1] > 225 && color[2] < 45,
                 "{color:?}"
