@@ -115,7 +115,7 @@ fn random_scenes_have_images() {
 
 #[test]
 fn random_scenes_agree_with_central_differences() {
-    random_scenes_agree(RandomScene::new, 100, 0.02, 256);
+    random_scenes_agree(RandomScene::new, 100, 0.02, 400);
 }
 
 #[test]

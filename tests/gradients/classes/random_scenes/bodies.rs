@@ -15,8 +15,9 @@ enum Relation {
 }
 
 impl Maker<'_> {
-    /// The material of a body, which changes the mesh where it needs what corners have.
-    fn material(&mut self, body: &str, mut mesh: Mesh) -> (Mesh, Material) {
+    /// The material of a body, which changes the mesh where it needs what corners have. Only what stands apart shines:
+    /// where a luminous face meets another one, derivatives of the light between them have no finite variance.
+    fn material(&mut self, body: &str, mut mesh: Mesh, apart: bool) -> (Mesh, Material) {
         let kind = self.pick(6);
         let named = |field: &str| format!("{body}: {field}");
         let kinds = ["matt", "matt", "Phong", "metallic", "conductor", "glass"];
@@ -27,7 +28,7 @@ impl Maker<'_> {
                 let albedo = self.color(&named("albedo"), 0.1, 0.5);
                 let specular = self.color(&named("specular"), 0.1, 0.4);
                 let value = self.between(3.0, 30.0);
-                let shininess = self.number(&named("shininess"), value, 0.05 * value, false);
+                let shininess = self.number(&named("shininess"), value, 0.3 * value, false);
                 Material::phong(albedo, specular, shininess)
             }
             3 => {
@@ -45,7 +46,7 @@ impl Maker<'_> {
             _ => {
                 self.refracts = true;
                 let value = self.between(1.2, 1.7);
-                let ior = self.number(&named("ior"), value, 0.02, false);
+                let ior = self.number(&named("ior"), value, 0.1, false);
                 let roughness = self.share(&named("roughness"), 0.4, 0.8);
                 Material::dielectric(ior, roughness)
             }
@@ -66,12 +67,12 @@ impl Maker<'_> {
             self.description.push("colors of vertices".into());
             let rows = mesh.vertices.dims()[0];
             let base: Vec<f64> = (0..3 * rows).map(|_| self.between(0.4, 0.9)).collect();
-            let p = self.number(&named("colors of vertices"), 1.0, 0.05, false);
+            let p = self.number(&named("colors of vertices"), 1.0, 0.1, false);
             let colors = self.tensor(&base, [rows, 3]) * p.reshape([1, 1]);
             let faces = mesh.faces.clone();
             mesh = mesh.with_colors(colors, faces);
         }
-        if self.unit() < 0.15 {
+        if self.unit() < 0.15 && apart {
             self.description.push("it shines".into());
             material = material.with_emission(self.albedo(&named("emission")));
         }
@@ -108,20 +109,26 @@ impl Maker<'_> {
     }
 
     /// A body of a radius about a place, which depends on the numbers of its pose.
-    fn body(&mut self, name: &str, at: [f64; 3], radius: f64, upright: bool) -> Object {
+    fn body(
+        &mut self,
+        name: &str,
+        at: [f64; 3],
+        radius: f64,
+        [upright, apart]: [bool; 2],
+    ) -> Object {
         let named = |field: &str| format!("{name}: {field}");
         let shape = self.shape(upright);
-        let (mut mesh, material) = self.material(name, shape);
+        let (mut mesh, material) = self.material(name, shape, apart);
         let rows = mesh.vertices.dims()[0];
         if !upright {
             let row = self.pick(rows);
             let mut one = vec![0.0; rows];
             one[row] = 1.0;
-            let shift = self.along(&named("vertex"), [0.0; 3], 0.05, true);
+            let shift = self.along(&named("vertex"), [0.0; 3], 0.3, true);
             let shift = self.tensor(&one, [rows, 1]) * shift.reshape([1, 3]);
             let vertices = mesh.vertices.clone() + shift;
             mesh = mesh.with_vertices(vertices);
-            let scale = self.number(&named("scale"), radius, 0.025, true);
+            let scale = self.number(&named("scale"), radius, 0.15, true);
             mesh = mesh.scaled(scale);
         } else {
             mesh = mesh.scaled(radius);
@@ -132,13 +139,13 @@ impl Maker<'_> {
             self.direction()
         };
         let turn = self.between(6.0, 80.0);
-        let turn = self.number(&named("rotation"), turn, 2.3, true);
+        let turn = self.number(&named("rotation"), turn, 18.0, true);
         mesh = mesh.rotated(axis, turn);
         let place = if upright {
-            let p = self.number(&named("translation"), 0.0, 0.025, true);
+            let p = self.number(&named("translation"), 0.0, 0.2, true);
             self.tensor(&at, [3]) + p * self.tensor(&[0.8, 0.0, 0.6], [3])
         } else {
-            self.along(&named("translation"), at, 0.025, true)
+            self.along(&named("translation"), at, 0.2, true)
         };
         let mut object = Object::new(mesh.translated(place));
         if self.unit() < 0.25 {
@@ -148,7 +155,7 @@ impl Maker<'_> {
                 true => [0.6, 0.0, -0.8],
                 false => self.direction(),
             };
-            let speed = self.number(&named("velocity"), speed, 0.05, true);
+            let speed = self.number(&named("velocity"), speed, 0.3, true);
             object = object.with_velocity(speed * self.tensor(&direction, [3]));
         }
         object.with_name(name).with_material(material)
@@ -167,11 +174,13 @@ impl Maker<'_> {
         self.description.push(format!("{relation:?}"));
         let touching = relation == Relation::Touching;
         let mut objects = Vec::new();
+        let mut apart = relation == Relation::Apart;
         if touching || self.unit() < 0.6 {
+            apart = false;
             let d = self.device.clone();
             let cells = 1 + self.pick(3);
             let floor = shapes::plane_grid(5.0, 5.0, cells, cells, &d).cast(self.dtype);
-            let (floor, material) = self.material("floor", floor);
+            let (floor, material) = self.material("floor", floor, false);
             objects.push(
                 Object::new(floor)
                     .with_name("floor")
@@ -197,8 +206,8 @@ impl Maker<'_> {
             // It is a cube, and stands on the floor.
             second[1] = 0.7 * s;
         }
-        objects.push(self.body("first", first, r, false));
-        objects.push(self.body("second", second, s, touching));
+        objects.push(self.body("first", first, r, [false, apart]));
+        objects.push(self.body("second", second, s, [touching, apart]));
         objects
     }
 
@@ -219,7 +228,7 @@ impl Maker<'_> {
         let at = self.tensor(&[0.0, 0.7, 0.0], [3]);
         let first = body(self, "first", at, r, true);
         let at = std::array::from_fn(|i| [0.0, 0.7, 0.0][i] + away[i] * distance);
-        let at = self.along("second: translation", at, 0.015, true);
+        let at = self.along("second: translation", at, 0.1, true);
         let second = body(self, "second", at, s, false);
         let mut scene = Scene::new().with_object(first).with_object(second);
         if self.pick(3) == 0 {

@@ -6,9 +6,6 @@ use softray::prelude::*;
 
 use crate::common::tensors::tensor as constant;
 
-/// TODO
-const STEP: f64 = 8.0;
-
 /// A parameter: its value, the step of its difference, and whether it moves an object, a light or the camera.
 pub struct Number {
     name: String,
@@ -160,7 +157,7 @@ impl<'a> Maker<'a> {
         self.numbers.push(Number {
             name: name.into(),
             value,
-            step: STEP * step,
+            step,
             moves,
             differentiable: true,
         });
@@ -180,7 +177,7 @@ impl<'a> Maker<'a> {
     /// A color that a number scales.
     pub fn color(&mut self, name: &str, low: f64, high: f64) -> Tensor<1> {
         let color = self.vector(low, high);
-        self.number(name, 1.0, 0.05, false) * self.tensor(&color, [3])
+        self.number(name, 1.0, 0.2, false) * self.tensor(&color, [3])
     }
 
     /// Texels `[2, 3, 3]`, some of which depend on a number.
@@ -188,7 +185,7 @@ impl<'a> Maker<'a> {
         let base: Vec<f64> = (0..18).map(|_| self.between(low, high)).collect();
         let one: Vec<f64> = (0..18).map(|_| self.between(-0.2, 1.0)).collect();
         let (low, one) = (self.tensor(&base, [2, 3, 3]), self.tensor(&one, [2, 3, 3]));
-        let p = self.number(name, 0.0, 0.02, false);
+        let p = self.number(name, 0.0, 0.12, false);
         low + one * p.reshape([1, 1, 1])
     }
 
@@ -202,12 +199,12 @@ impl<'a> Maker<'a> {
     pub fn share(&mut self, name: &str, low: f64, high: f64) -> ScalarTexture {
         if self.pick(3) == 0 {
             let base: Vec<f64> = (0..4).map(|_| self.between(low, high)).collect();
-            let p = self.number(name, 0.0, 0.02, false);
+            let p = self.number(name, 0.0, 0.08, false);
             let texels = self.tensor(&base, [2, 2]) + p.reshape([1, 1]);
             return ScalarTexture::texture(texels);
         }
         let value = self.between(low, high);
-        self.number(name, value, 0.02, false).into()
+        self.number(name, value, 0.08, false).into()
     }
 
     fn lights(&mut self, mut scene: Scene) -> Scene {
@@ -219,7 +216,7 @@ impl<'a> Maker<'a> {
             1 => {
                 let texels: Vec<f64> = (0..96).map(|_| self.between(0.1, 1.2)).collect();
                 let one: Vec<f64> = (0..96).map(|_| self.unit()).collect();
-                let p = self.number("map's texels", 0.0, 0.05, false);
+                let p = self.number("map's texels", 0.0, 0.3, false);
                 let [texels, one] = [texels, one].map(|v| self.tensor(&v, [4, 8, 3]));
                 let map = Environment::map(texels + one * p.reshape([1, 1, 1]));
                 self.description.push("map".into());
@@ -247,7 +244,7 @@ impl<'a> Maker<'a> {
                     ),
                     _ => shapes::icosphere(1, &d).scaled(size),
                 };
-                let place = self.along("lamp: translation", place, 0.05, true);
+                let place = self.along("lamp: translation", place, 0.4, true);
                 let radiance = match self.pick(3) {
                     0 => ColorTexture::texture(self.texels("lamp: emission", 2.0, 8.0)),
                     _ => self.color("lamp: emission", 3.0, 8.0).into(),
@@ -265,13 +262,13 @@ impl<'a> Maker<'a> {
                 let intensity = self.color("light: intensity", 3.0, 8.0);
                 let target = self.vector(-0.3, 0.3);
                 let towards = std::array::from_fn(|i| target[i] - place[i]);
-                let position = self.along("light: position", place, 0.05, true);
+                let position = self.along("light: position", place, 0.4, true);
                 let light = match kind {
                     2 => Light::point(position, intensity),
                     _ => {
-                        let direction = self.along("light: direction", towards, 0.03, false);
-                        let inner = self.number("light: inner angle", 17.0, 1.2, false);
-                        let outer = self.number("light: outer angle", 40.0, 1.2, false);
+                        let direction = self.along("light: direction", towards, 0.25, false);
+                        let inner = self.number("light: inner angle", 17.0, 10.0, false);
+                        let outer = self.number("light: outer angle", 40.0, 10.0, false);
                         Light::spot(position, direction, intensity, inner, outer)
                     }
                 };
@@ -281,7 +278,7 @@ impl<'a> Maker<'a> {
             4 => {
                 self.delta = true;
                 let irradiance = self.color("light: irradiance", 1.0, 3.0);
-                let direction = self.along("light: direction", [-0.4, -1.0, -0.3], 0.04, true);
+                let direction = self.along("light: direction", [-0.4, -1.0, -0.3], 0.3, true);
                 self.description.push("directional".into());
                 scene = scene.with_light(Light::directional(direction, irradiance));
             }
@@ -292,12 +289,12 @@ impl<'a> Maker<'a> {
 
     fn camera(&mut self) -> Camera {
         let eye = [self.between(-1.5, 1.5), self.between(1.0, 2.6), 4.2];
-        let eye = self.along("camera: eye", eye, 0.05, true);
+        let eye = self.along("camera: eye", eye, 0.4, true);
         let target = self.vector(-0.1, 0.1);
         let target = self.along(
             "camera: target",
             [target[0], 0.7 + target[1], target[2]],
-            0.01,
+            0.1,
             true,
         );
         // Tilted, so that no edge lies along a row of pixels.
@@ -305,15 +302,15 @@ impl<'a> Maker<'a> {
         let camera = Camera::look_at(eye, target).with_up(up);
         if self.unit() < 0.2 {
             self.description.push("parallel rays".into());
-            let height = self.number("camera: height", 2.6, 0.08, true);
+            let height = self.number("camera: height", 2.6, 0.6, true);
             return camera.with_orthographic(height);
         }
         let fov = self.between(28.0, 42.0);
-        let camera = camera.with_fov_y(self.number("camera: field of view", fov, 0.8, true));
+        let camera = camera.with_fov_y(self.number("camera: field of view", fov, 6.0, true));
         if self.unit() < 0.25 {
             self.description.push("lens".into());
-            let aperture = self.number("lens: aperture", 0.15, 0.01, true);
-            let focus = self.number("lens: focus", 3.8, 0.1, true);
+            let aperture = self.number("lens: aperture", 0.2, 0.1, true);
+            let focus = self.number("lens: focus", 2.6, 0.6, true);
             return camera.with_thin_lens(aperture, focus);
         }
         camera
