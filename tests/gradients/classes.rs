@@ -81,7 +81,8 @@ fn facets_agree_with_central_differences() {
     agree_with_central_differences(CONES, facet_cases());
 }
 
-/// Random scenes by `make`, of seeds from `SOFTRAY_SEED` on. In the long tier these are `count` or `SOFTRAY_SCENES`.
+/// Random scenes by `make`, of seeds from `SOFTRAY_SEED` on. In the long tier these are `count` or `SOFTRAY_SCENES`, and
+/// four of five derivatives are known within 5 %. `tests/faults` shows that this finds wrong factors of single terms.
 fn random_scenes_agree(make: fn(u64) -> RandomScene, count: u64, precision: f64, renders: u64) {
     let number = |name: &str, otherwise| {
         let given = std::env::var(name).ok();
@@ -90,7 +91,7 @@ fn random_scenes_agree(make: fn(u64) -> RandomScene, count: u64, precision: f64,
     let first: u64 = number("SOFTRAY_SEED", 0);
     let (count, precision, renders) = match common::long() {
         true => (number("SOFTRAY_SCENES", count), precision, renders),
-        false => (2, 0.05, 48),
+        false => (3, 0.03, 48),
     };
     let scenes: Vec<_> = (first..first + count).map(make).collect();
     let outcome = compare(&scenes, precision, renders);
@@ -98,6 +99,14 @@ fn random_scenes_agree(make: fn(u64) -> RandomScene, count: u64, precision: f64,
     let of = outcome.derivatives;
     println!("{} of {of} undecided: {undecided:#?}", undecided.len());
     assert!(outcome.disagree.is_empty(), "{:#?}", outcome.disagree);
+    assert!(of > 0);
+    if common::long() && of >= 20 {
+        assert!(
+            5 * outcome.known >= 4 * of,
+            "{} of {of} within 5 %",
+            outcome.known
+        );
+    }
 }
 
 /// None of the scenes that the long tier may draw is an error.
@@ -115,7 +124,7 @@ fn random_scenes_have_images() {
 
 #[test]
 fn random_scenes_agree_with_central_differences() {
-    random_scenes_agree(RandomScene::new, 100, 0.02, 400);
+    random_scenes_agree(RandomScene::new, 100, 0.01, 400);
 }
 
 #[test]

@@ -22,6 +22,9 @@ impl Number {
     }
 }
 
+/// Parameters that turn sampled directions.
+const TURNING: [&str; 4] = ["roughness", "shininess", "ior", "normal map"];
+
 /// A scene while it is built.
 pub struct Maker<'a> {
     seed: u64,
@@ -64,8 +67,10 @@ impl RandomScene {
             .with_samples(64)
             .with_bounces(bounces)
             .with_blur(angle);
+        // Masks whose outlines move in the image, in a reflection or in what is refracted.
+        let turns = |n: &Number| TURNING.iter().any(|field| n.name.ends_with(field));
         for number in &mut maker.numbers {
-            number.differentiable = !(maker.masked && number.moves);
+            number.differentiable = !(maker.masked && (number.moves || turns(number)));
         }
         let about = maker.description.join(", ");
         Self {

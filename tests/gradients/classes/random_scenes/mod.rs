@@ -17,6 +17,8 @@ const PARAMETERS: usize = 4;
 #[derive(Default)]
 pub struct Outcome {
     pub derivatives: usize,
+    /// Of these, those whose comparison has a standard error of at most 5 %.
+    pub known: usize,
     pub disagree: Vec<String>,
     pub undecided: Vec<String>,
 }
@@ -38,6 +40,7 @@ pub fn compare(scenes: &[RandomScene], precision: f64, renders: u64) -> Outcome 
                 continue;
             }
             outcome.derivatives += 1;
+            outcome.known += usize::from(row.apart.error <= 0.05 * row.difference.mean.abs());
             let list = match row.verdict {
                 Verdict::Agrees => continue,
                 Verdict::Disagrees => &mut outcome.disagree,
