@@ -265,6 +265,8 @@ fn jump_backward(
 #[apply(zeroed!)]
 struct Normals {
     pair: Pair,
+    /// Whether both faces are matt.
+    evenly: bool,
     /// Whether mirrored directions about the normals are traced too.
     mirrors: bool,
 }
@@ -273,7 +275,7 @@ struct Normals {
 #[cube]
 fn normals_beside(scene: &Scene, a: &Approach, behind: &Hit, time: f32) -> Normals {
     let mut found = Normals::default();
-    found.mirrors = true;
+    found.evenly = true;
     let mut side = 0u32;
     while side < 2 {
         let on_plus = side == 1;
@@ -284,10 +286,10 @@ fn normals_beside(scene: &Scene, a: &Approach, behind: &Hit, time: f32) -> Norma
         } else {
             found.pair.first = point.shading.normal;
         }
-        found.mirrors = found.mirrors && point.shading.scatters_evenly();
+        found.evenly = found.evenly && point.shading.scatters_evenly();
         side += 1;
     }
-    found.mirrors = found.mirrors && normals_differ(&found.pair);
+    found.mirrors = found.evenly && normals_differ(&found.pair);
     found
 }
 
@@ -308,8 +310,7 @@ pub(super) fn light_beside(
     let time = beginning.time;
     let mut light = Seen::default();
     let mut normals = Normals::default();
-    let paired = goes_on && is_crease(scene, &a.sides);
-    if paired {
+    if goes_on && is_crease(scene, &a.sides) {
         normals = normals_beside(scene, a, behind, time);
     }
     // One path on each side; two if directions are mirrored, with the mirrored directions first.
@@ -334,7 +335,7 @@ pub(super) fn light_beside(
                 at,
                 bounce,
                 pair: normals.pair,
-                paired,
+                paired: normals.evenly,
                 mirrored: left > 2,
                 emits: film.runtime(),
             };

@@ -7,7 +7,7 @@ use burn::tensor::Tensor;
 use super::film::{Image, ImageBatch, Means, Program, Statistics};
 use super::kernel;
 use super::options::{Engine, RenderOptions};
-use super::tangent::{OnDevice, Tangent};
+use super::tangent::{OnDevice, Tangent, with_tangents};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Scene, check_devices, host_device, visit_tensors};
 
@@ -97,7 +97,7 @@ pub fn render_derivative(
         .iter()
         .flat_map(|t| t.values.keys().copied())
         .collect();
-    let (mut scene, mut camera) = (scene.clone(), camera.clone());
+    let (mut scene, mut camera) = (with_tangents(scene), camera.clone());
     let on_host = host_device().filter(|_| !kernel::on_gpu(&context));
     let mut on_device = OnDevice {
         device: on_host.as_ref().unwrap_or(&context.device),

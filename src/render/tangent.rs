@@ -3,12 +3,14 @@
 use std::collections::{HashMap, HashSet};
 use std::fmt;
 
-use burn::tensor::{DType, Device, Tensor, TensorData};
+use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 
 use super::values::{Values, check_same, extrapolated, invalid};
 use crate::error::Result;
 use crate::geometry::detached;
-use crate::scene::{Camera, Object, Parameter, ParameterId, Scene, Visit, visit_tensors};
+use crate::scene::{
+    Camera, CornerAttribute, Object, Parameter, ParameterId, Scene, Visit, visit_tensors,
+};
 
 /// The step along a direction, relative to the largest value, for tangents of normal maps.
 const TANGENT_STEP: f64 = 1e-3;
@@ -193,12 +195,26 @@ impl Tangent {
     }
 }
 
-/// Returns the scene with the tangents that a render computes for normal maps.
-fn with_tangents(scene: &Scene) -> Scene {
+/// Returns the scene with the tangents that a render computes for normal maps, a row for each corner: how many corners
+/// share a row depends on the vertices, so that it may differ at the ends of a step.
+pub(super) fn with_tangents(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
     if scene.objects.iter().any(Object::lacks_tangents) {
         for object in scene.objects.iter_mut().filter(|o| o.lacks_tangents()) {
             object.mesh = object.mesh.clone().mikktspace_tangents();
+            if let Some(tangents) = &mut object.mesh.tangents {
+                let rows: Vec<i32> = tangents
+                    .faces
+                    .as_flattened()
+                    .iter()
+                    .map(|&i| i as i32)
+                    .collect();
+                let rows =
+                    Tensor::<1, Int>::from_data(rows.as_slice(), &tangents.values.device().inner());
+                let values = tangents.values.clone().select(0, rows);
+                let faces = (0..tangents.faces.len() as u32).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]);
+                *tangents = CornerAttribute::new(values, faces.collect::<Vec<_>>());
+            }
         }
     }
     scene

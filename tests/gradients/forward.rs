@@ -315,3 +315,42 @@ fn derivatives_by_a_lens_have_little_noise() {
         }
     }
 }
+
+/// How many corners of a flat face share a tangent depends on the rounding of its vertices, and so on the angle.
+#[test]
+fn tangents_of_turning_cubes_have_derivatives() {
+    let device = Device::flex();
+    let texels = Tensor::<1>::from_floats([0.3, -0.2, 0.9], &device).reshape([1, 1, 3]);
+    let material = Material::diffuse([0.7; 3]).with_normal_map(texels, 1.0);
+    let camera = Camera::look_at([0.0, 1.0, 4.0], [0.0; 3]).with_fov_y(40.0);
+    let scene = |angle: Tensor<1>| {
+        let turn = Transform::new().with_axis_angle([0.0, 1.0, 0.0], angle);
+        let cube = shapes::cube(&device);
+        let uvs = cube.vertices.clone().narrow(1, 0, 2) + cube.vertices.clone().narrow(1, 2, 1);
+        let cube = cube.with_uvs(uvs).transformed(&turn);
+        Scene::new()
+            .with_object(Object::new(cube).with_material(material.clone()))
+            .with_light(Light::directional([-0.3, -0.5, -1.0], [1.0; 3]))
+    };
+    for degrees in [3.0, 11.0, 25.0, 33.0, 41.0, 56.0, 67.0, 78.0] {
+        let build = |v: &[f64]| {
+            let angle = Tensor::from_floats([v[0] as f32], &device);
+            Ok((scene(angle), camera.clone()))
+        };
+        let (at, camera, tangents) = Tangent::of_numbers(&[degrees], build).expect("tangents");
+        let options = RenderOptions::new(SIZE, SIZE)
+            .with_samples(64)
+            .with_bounces(0);
+        let options = options.with_adaptive_edges(false);
+        let derivative = render_derivative(&at, &camera, &options, &tangents).expect("derivatives");
+        let forward: f64 = values(&derivative.tangents.radiance).iter().sum();
+        let angle = leaf(&[degrees as f32], &device);
+        let image = render(&scene(angle.clone()), &camera, &options).expect("an image");
+        let backward = gradient(&angle, &image.radiance.sum().backward())[0];
+        println!("{degrees}: {forward} and {backward}");
+        assert!(
+            (forward - backward).abs() < 0.02 * backward.abs() + 1e-3,
+            "{degrees}"
+        );
+    }
+}

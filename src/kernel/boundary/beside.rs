@@ -109,14 +109,15 @@ fn begin_beside<'a>(
             && is_crease(lists, &approach.sides)
         {
             let evenly = minus.shading.scatters_evenly() && plus.shading.scatters_evenly();
-            // Paths on both sides of a crease take the same directions.
+            // Paths on both sides of a matt crease take the same directions. Otherwise the same random numbers choose
+            // directions about each face's own normal: lobes of neighboring faces hardly overlap, but weights are alike.
             let pair = Pair {
                 first: minus.shading.normal,
                 second: plus.shading.normal,
             };
             for point in [minus, plus] {
                 point.shading.pair = pair;
-                point.shading.paired = true;
+                point.shading.paired = evenly;
             }
             if normals_differ(&pair) && evenly {
                 count = WALKS;

@@ -66,8 +66,8 @@ pub(crate) struct Shading {
     #[cfg_attr(feature = "gpu", cube(comptime))]
     pub models: Models,
     /// Two normals, about one of which directions are sampled instead of the shading normal: the normals of both
-    /// faces of a crease. Paths on either side then go the same way, and their difference is as small as the crease
-    /// is flat.
+    /// faces of a crease of a matt surface. Paths on either side then go the same way, and their difference is as small
+    /// as the crease is flat.
     pub pair: Pair,
     pub paired: bool,
     /// Whether the sampled direction is mirrored in the plane between the two normals. The sum over a direction and
