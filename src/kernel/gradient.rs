@@ -35,8 +35,8 @@ impl Wanted {
             ..Self::default()
         };
         let of = &mut wanted.of;
-        // Normals and exponents turn the sampled directions.
-        let (mut exponents, mut tilts) = (false, false);
+        // Normals turn the sampled directions.
+        let mut tilts = false;
         for id in ids {
             match id {
                 Id::Vertices(i) => wanted.objects[i] = 1,
@@ -53,10 +53,7 @@ impl Wanted {
                     tilts = true;
                 }
                 Id::Material(_, Channel::Emission) => of.emission = true,
-                Id::Material(_, channel) => {
-                    of.materials = true;
-                    exponents |= channel.turns();
-                }
+                Id::Material(..) => of.materials = true,
                 Id::Light(i, part) => {
                     of.lights = true;
                     wanted.lights[i] = 1;
@@ -72,7 +69,7 @@ impl Wanted {
         of.objects = wanted.objects.contains(&1);
         of.tangents &= features.tilted;
         tilts |= of.uvs && features.tilted;
-        of.turns = of.normals || of.tangents || tilts || (exponents && features.glossy);
+        of.turns = of.normals || of.tangents || tilts;
         let uvs = of.uvs;
         wanted.of.rays = wanted.moves() || uvs;
         wanted

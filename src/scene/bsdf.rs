@@ -256,9 +256,4 @@ impl Channel {
             Self::Emission => Range::Light,
         }
     }
-
-    /// Whether the directions drawn from the BSDF of a glossy surface depend on it.
-    pub fn turns(self) -> bool {
-        matches!(self, Self::Shininess | Self::Roughness | Self::Ior)
-    }
 }

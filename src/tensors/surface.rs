@@ -45,6 +45,15 @@ impl SurfacePoints {
         self.map(self.triangle.clone(), detached)
     }
 
+    /// Returns these points with BSDF parameters outside of the graph.
+    pub(super) fn with_constant_parameters(&self) -> Self {
+        let parameters = self.parameters.iter();
+        Self {
+            parameters: parameters.map(|v| v.map(|x| detached(&x))).collect(),
+            ..self.map(self.triangle.clone(), Tensor::clone)
+        }
+    }
+
     /// Returns whether each point has a material that refracts. The list is empty if none has.
     pub(crate) fn clear(&self) -> Result<Vec<bool>> {
         let models = self.models.iter().filter(|m| m.kind.bsdf.refracts());

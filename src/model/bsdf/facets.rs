@@ -259,7 +259,7 @@ impl Facets {
         from_local(self.normal, self.drawn(u, v).local)
     }
 
-    /// Adds the derivatives of g·h of a sampled half vector, at fixed random numbers.
+    /// Adds the derivatives of g·h of a sampled half vector with respect to normal and view, at fixed random numbers.
     #[inline(always)]
     pub fn draw_backward(&self, u: f32, v: f32, g: V3, by: &mut FacetsGradient) {
         let d = self.drawn(u, v);
@@ -267,7 +267,6 @@ impl Facets {
         by.normal += by_half.axis;
         let by_sum = by_half.local.reject_from_normalized(d.local) * d.per_length;
         let turn = sin_cos_of_turns(v);
-        by.alpha += by_sum.x * d.sum.x + by_sum.y * d.sum.y;
         let by_sum = v3(by_sum.x * self.alpha, by_sum.y * self.alpha, by_sum.z);
         let z = 1.0 - u - u * d.stretched.z;
         let mut by_z = by_sum.z;
@@ -276,8 +275,6 @@ impl Facets {
         }
         let by_unit = by_sum - v3(0.0, 0.0, by_z * u);
         let by_stretched = by_unit.reject_from_normalized(d.stretched) * d.inverse;
-        let view = to_local(self.normal, self.view);
-        by.alpha += by_stretched.x * view.x + by_stretched.y * view.y;
         let by_view = v3(
             by_stretched.x * self.alpha,
             by_stretched.y * self.alpha,

@@ -156,16 +156,6 @@ pub(super) fn direction_backward(
     if drawn.of_gloss {
         let by = from_local_backward(shading.mirror(), drawn.local, g);
         shading.mirror_backward(by.axis, gradient);
-        let turn = sin_cos_of_turns(drawn.v);
-        let log = drawn.u.clamp(EPSILON, 1.0 - EPSILON).ln() / (shading.exponent + 1.0);
-        let square = (2.0 * log).exp();
-        let mut by_log = by.local.z * log.exp();
-        let rest = -(2.0 * log).exp_m1();
-        if rest > EPSILON {
-            let by_sine = by.local.x * turn.cos + by.local.y * turn.sin;
-            by_log -= by_sine * square / rest.sqrt();
-        }
-        gradient.exponent -= by_log * log / (shading.exponent + 1.0);
     } else {
         gradient.normal += from_local_backward(shading.normal, drawn.local, g).axis;
     }

@@ -133,9 +133,6 @@ impl Shading {
         let passed = max(1.0 - square, 1e-8).sqrt();
         let along = g.dot(half);
         let by_c = along * (inverse - c * inverse * inverse / passed);
-        let by_eta = g.dot(f.view) * inverse * inverse
-            - along * (c * inverse * inverse + square * inverse / passed);
-        self.eta_backward(by_eta, gradient);
         let mut by = FacetsGradient::zero();
         by.view = half * by_c - g * inverse;
         let by_half = g * (c * inverse - passed) + f.view * by_c;

@@ -70,7 +70,9 @@ impl Shading {
         weight
     }
 
-    /// Adds the derivatives of g·weight + by_direction·direction of a sampled direction.
+    /// Adds the derivatives of g·weight + by_direction·direction of a sampled direction. With respect to the parameters of
+    /// the specular lobe, they are those of f·cos θ at a fixed direction and density (detached sampling: Zeltner et al.
+    /// 2021, *Monte Carlo estimators for differential light transport*), so that no edge moves with these parameters.
     #[inline(always)]
     pub fn sample_backward(
         &self,
@@ -79,8 +81,22 @@ impl Shading {
         by_direction: V3,
         gradient: &mut ShadingGradient,
     ) {
-        let by_drawn = by_direction + self.weight_backward(s, g, gradient);
-        self.direction_backward(s, by_drawn, gradient);
+        let mut own = ShadingGradient::default();
+        let by_drawn = by_direction + self.weight_backward(s, g, &mut own);
+        self.direction_backward(s, by_drawn, &mut own);
+        let mut fixed = ShadingGradient::default();
+        if !self.scatters_evenly() && !s.weight.is_zero() {
+            let density = self.density(s.direction);
+            if density > IMPOSSIBLE {
+                self.evaluate_backward(s.direction, g * (1.0 / density), &mut fixed);
+            }
+        }
+        gradient.geometric += own.geometric;
+        gradient.normal += own.normal;
+        gradient.incoming += own.incoming;
+        gradient.diffuse += own.diffuse;
+        gradient.specular += fixed.specular;
+        gradient.exponent += fixed.exponent;
     }
 
     /// Returns the sample of a lobe that has a given direction.

@@ -167,11 +167,17 @@ pub(crate) fn sample(
     }
     let lobe = context.row(&lobe);
     let numbers = Numbers { u, v, lobe, matt };
+    // Directions and densities do not follow the parameters: detached sampling, as in the kernels.
+    let still = &points.with_constant_parameters();
+    let phong = Phong {
+        points: still,
+        incoming,
+    };
     let mut direction = phong.draw(context, &numbers).direction;
     // A direction of lower density cannot have been drawn, and its value is 0 as well.
     let mut impossible = numbers.lobe.zeros_like().greater_elem(0.5);
     for model in &points.models {
-        let drawn = formulas(points, model, incoming).draw(context, &numbers);
+        let drawn = formulas(still, model, incoming).draw(context, &numbers);
         if let Some(lost) = drawn.lost {
             let own = model.row.clone().greater_elem(0.5);
             impossible = impossible.bool_or(lost.bool_and(own));
@@ -179,7 +185,7 @@ pub(crate) fn sample(
         direction = replaced(direction, &model.row, &drawn.direction);
     }
     let value = scattered(context, points, incoming, &direction)?;
-    let density = density_of(points, incoming, &direction);
+    let density = density_of(still, incoming, &direction);
     let impossible = impossible.bool_or(detached(&density).lower_elem(1e-20));
     let density = density.mask_fill(impossible.clone(), 1.0);
     Ok(Scatter {

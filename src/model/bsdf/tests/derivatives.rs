@@ -67,7 +67,8 @@ fn derivatives_of_the_value() {
     }
 }
 
-/// Derivatives of a sampled direction and its weight, at fixed random numbers and fixed lobe probabilities.
+/// Derivatives of a sampled direction and its weight, at fixed random numbers and fixed lobe probabilities; with respect to
+/// the parameters of the specular lobe at a fixed direction.
 #[test]
 fn derivatives_of_samples() {
     let (g, by_direction) = (v3(0.7, -0.4, 0.9), v3(0.2, 0.8, -0.5));
@@ -92,6 +93,10 @@ fn derivatives_of_samples() {
                 }
             };
             let value = |moved: &Shading| {
+                if (moved.specular, moved.exponent) != (s.specular, s.exponent) {
+                    let value = moved.evaluate(drawn.direction);
+                    return g.dot(value) / s.density(drawn.direction);
+                }
                 let found = moved.sample(u, v, lobe);
                 let scale = match s.model {
                     PHONG => 1.0,

@@ -23,7 +23,7 @@ impl Number {
 }
 
 /// Parameters that turn sampled directions.
-const TURNING: [&str; 4] = ["roughness", "shininess", "ior", "normal map"];
+const TURNING: [&str; 1] = ["normal map"];
 
 /// A scene while it is built.
 pub struct Maker<'a> {
