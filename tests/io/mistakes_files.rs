@@ -200,6 +200,11 @@ fn places_that_can_not_be_written_to() {
     mistakes.expect("a folder as a file", &["b.png", "it is a folder"], || {
         HostImage::check_path(folder.path("b.png"))
     });
+    mistakes.expect(
+        "an image larger than the disk",
+        &["e.exr", "free space"],
+        || HostImage::check_room(folder.path("e.exr"), 1 << 24, 1 << 24),
+    );
     let path = folder.write("c.exr", "old");
     HostImage::check_path(&path).expect("a place");
     HostImage::check_room(folder.path("d.png"), 200, 100).expect("room");
