@@ -29,8 +29,6 @@ pub struct Request {
 
 /// Vectors are moved along this.
 const WAY: [f64; 3] = [0.6, 0.64, 0.48];
-/// Pixels of a side of the squares that weights are constant in.
-const SQUARE: usize = 4;
 
 impl Request {
     /// Gradients beside central differences, both with standard errors, of an image that is weighted by how the
@@ -46,18 +44,10 @@ impl Request {
     }
 
     fn row(&self, file: &SceneFile, name: &str, step: f64) -> Answer {
-        let size = self.view.size;
-        let weights = self.weights(file, name, step)?;
         let options = self.view.options().with_samples(self.samples);
         let settings = GradCheck::new(options, &self.view.device()?)
             .with_precision(self.precision)
-            .with_seeds(16, self.budget)
-            .with_objective(move |radiance| {
-                let plain = radiance.device().inner();
-                let weights = Tensor::<1>::from_floats(weights.as_slice(), &plain);
-                let weights = weights.cast(radiance.dtype()).reshape([size, size, 1]);
-                (radiance * weights).mean()
-            });
+            .with_seeds(16, self.budget);
         let values = self.values(name);
         let checked = Checked::new(name, values.clone(), step);
         let checked = match values.len() {
@@ -76,32 +66,6 @@ impl Request {
             "gradient": [row.gradient.mean, row.gradient.error],
             "difference": [row.difference.mean, row.difference.error],
         }))
-    }
-
-    /// Means over squares of the difference of two images, over the largest.
-    fn weights(&self, file: &SceneFile, name: &str, step: f64) -> softray::Result<Vec<f32>> {
-        let device = self.view.device()?;
-        let options = self.view.options().with_samples(1024).with_seed(1 << 50);
-        let image = |side: f64| {
-            let values = self.values(name);
-            let moved = values.iter().enumerate().map(|(i, v)| match values.len() {
-                1 => (v + side * step) as f32,
-                _ => (v + side * step * WAY[i]) as f32,
-            });
-            let moved: Vec<f32> = moved.collect();
-            let moved = Tensor::<1>::from_floats(moved.as_slice(), &device);
-            let (scene, camera) = self.build(file, (&device, DType::F32), name, &moved)?;
-            HostImage::from_tensor(&render(&scene, &camera, &options)?.radiance)
-        };
-        let (left, right) = (image(-1.0)?, image(1.0)?);
-        let size = self.view.size;
-        let square = |p: usize| p / size / SQUARE * size + p % size / SQUARE;
-        let mut sums = vec![0.0f32; size * size];
-        for (i, (l, r)) in left.pixels.iter().zip(&right.pixels).enumerate() {
-            sums[square(i / 3)] += r - l;
-        }
-        let most = sums.iter().fold(f32::MIN_POSITIVE, |a, s| a.max(s.abs()));
-        Ok((0..size * size).map(|p| sums[square(p)] / most).collect())
     }
 
     fn values(&self, name: &str) -> Vec<f64> {
