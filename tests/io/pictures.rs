@@ -30,6 +30,21 @@ fn ball_with_outputs() -> Image {
     render_batch(&batch, &options).expect("images").view(1)
 }
 
+/// EXR layers say which form they hold.
+fn assert_layers_are_named(folder: &Folder) {
+    for (file, layer) in [
+        ("depth", "depth.premultiplied"),
+        ("normals", "normals.premultiplied"),
+    ] {
+        let path = folder.path(&format!("{file}.exr"));
+        let read = exr::prelude::read_first_flat_layer_from_file(path).expect("a layer");
+        let attributes = read.layer_data.attributes;
+        assert_eq!(attributes.layer_name.expect("a name").to_string(), layer);
+        let comment = attributes.comments.expect("a comment").to_string();
+        assert!(comment.contains("divide by the opacity"), "{comment}");
+    }
+}
+
 #[test]
 fn outputs_are_pictures_and_data() {
     let folder = Folder::new("outputs");
@@ -68,18 +83,7 @@ fn outputs_are_pictures_and_data() {
     let from_top = numbers.chunks(3 * 32).rev().flatten().copied().collect();
     same(from_top, &normals, 1);
 
-    // EXR layers say which form they hold.
-    for (file, layer) in [
-        ("depth", "depth.premultiplied"),
-        ("normals", "normals.premultiplied"),
-    ] {
-        let path = folder.path(&format!("{file}.exr"));
-        let read = exr::prelude::read_first_flat_layer_from_file(path).expect("a layer");
-        let attributes = read.layer_data.attributes;
-        assert_eq!(attributes.layer_name.expect("a name").to_string(), layer);
-        let comment = attributes.comments.expect("a comment").to_string();
-        assert!(comment.contains("divide by the opacity"), "{comment}");
-    }
+    assert_layers_are_named(&folder);
 
     let picture = |name: &str| image::open(folder.path(name)).expect("a picture");
     let radiance = picture("radiance.png");
