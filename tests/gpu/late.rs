@@ -159,7 +159,7 @@ fn gradients_after_a_move_have_the_same_mean() {
         let (mean, error) = mean_and_error(&differences.collect::<Vec<_>>());
         println!("axis {axis}: {usual:.4} ± {noise:.4} of {size:.4}, late {mean:.4} ± {error:.4}");
         // More noise would hide a bias.
-        assert!(noise < 0.1 * size, "axis {axis}: {noise} of {size}");
+        assert!(noise < 0.2 * size, "axis {axis}: {noise} of {size}");
         // Two renders of independent noise differ by √2 of it, which 24 seeds tell within a half.
         assert!(
             error > 0.0 && error < 2.5 * noise,
