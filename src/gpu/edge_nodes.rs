@@ -9,7 +9,7 @@ use crate::model::edge_weight::Jumps;
 use crate::trace::{HEADER, HeaderWord, NONE};
 
 /// The number of numbers of bounds: corners of the box, sum of normals, sine, jumps, number of folds.
-pub(super) const BOUNDS: u32 = 16;
+pub(super) const BOUNDS: u32 = 17;
 
 /// The starts of the lists of a scene's tree over edges in the buffers. The bounds of leaves and then those of nodes are
 /// behind the leaves of all trees.
@@ -98,6 +98,7 @@ fn bounds_at(floats: &mut [f32], at: u32) -> Bounds {
             passes_always: floats[rest + 2],
             fold: floats[rest + 3],
             crease: floats[rest + 4],
+            followed: floats[rest + 7],
             closed: floats[rest + 5],
         },
     }
@@ -116,6 +117,7 @@ fn put_bounds(floats: &mut [f32], at: u32, b: &Bounds) {
     floats[rest + 4] = b.jumps.crease;
     floats[rest + 5] = b.jumps.closed;
     floats[rest + 6] = b.folds;
+    floats[rest + 7] = b.jumps.followed;
 }
 
 /// Writes all nodes of a part.

@@ -10,7 +10,7 @@ use crate::kernel::{Bounds, LEAF, put_edge};
 use crate::model::edge_weight::{Jumps, SeenEdge};
 use crate::model::triangle::{NUMBERS, has_area};
 use crate::model::{V3, splat, v3};
-use crate::trace::{CLOSED, HEADER, HeaderWord, NONE, OF_EDGE, ROWS_OF_EDGE};
+use crate::trace::{HEADER, HeaderWord, NONE, OF_EDGE, ROWS_OF_EDGE};
 
 /// A triangle, computed from its vertices.
 #[apply(record!)]
@@ -158,7 +158,7 @@ fn seen_edge(floats: &mut [f32], words: &[u32], at: At, index: u32, first: u32) 
         along: line.along,
         front,
         back,
-        jumps: Jumps::of_kind(kind % CLOSED, crease, kind >= CLOSED),
+        jumps: Jumps::of_kind(kind, crease),
     }
 }
 

@@ -11,7 +11,8 @@ use crate::model::V3;
 use crate::model::camera::CameraGradient;
 use crate::model::connection::Target;
 use crate::trace::{
-    NONE, PointGradient, RayGradient, Sums, add_to_camera, leave_backward, light_backward,
+    NONE, Point, PointGradient, RayGradient, Sums, add_to_camera, follow_backward, follow_on_film,
+    leave_backward, light_backward,
     map_backward, middle_of, point_backward, seen_backward, sky_backward, target_of,
 };
 
@@ -93,7 +94,8 @@ impl Return<'_> {
             };
             for (channel, lanes) in back.channels.iter_mut().enumerate() {
                 lanes.step(before);
-                points_backward(self, channel, level, at == 0, lanes);
+                let from = at.checked_sub(1).map(|before| &walks.levels[before]);
+                points_backward(self, channel, level, from, lanes);
             }
         }
         for (channel, lanes) in back.channels.iter().enumerate() {
@@ -180,16 +182,17 @@ fn lights_backward<'a>(to: &'a Return<'a>, channel: usize, level: &'a Level, bac
     }
 }
 
-/// The backward pass from points to the rays that reached them.
+/// The backward pass from points to the rays that reached them, from the points of a level before or from cameras.
 #[apply(stage!)]
 fn points_backward<'a>(
     to: &'a Return<'a>,
     channel: usize,
     level: &'a Level,
-    first: bool,
+    from: Option<&'a Level>,
     back: &'a mut Lanes,
 ) {
     let interior = to.settings.interior;
+    let first = from.is_none();
     for lane in 0..level.len() {
         let point = level.points.get(lane);
         // Light ends at surfaces that do not reflect.
@@ -208,9 +211,44 @@ fn points_backward<'a>(
         let time = to.paths[path].time;
         let before = level.before[lane] as usize;
         back.throughputs_before[before] = back.throughputs[lane];
-        back.rays_before[before] = point_backward(&to.lists, sums, &point, time, by, by_t);
+        let mut by_ray = point_backward(&to.lists, sums, &point, time, by, by_t);
+        if let Some(from) = from {
+            let g = sums.radiance_of(to.upstream[path].radiance, channel);
+            let light = back.throughputs[lane] - g.times(to.lists.everywhere());
+            let light = light.dot(level.throughputs.get(lane));
+            let x = from.points.get(before);
+            by_ray = follow_backward(&to.lists, sums, &x, &point, light, time, by_ray);
+        } else if to.features.smooth {
+            film_backward(to, sums, channel, path, &point, &by_ray);
+        }
+        back.rays_before[before] = by_ray;
     }
     back.swap();
+}
+
+/// Adds the derivatives due to a camera ray that follows the material at its first point.
+#[inline(always)]
+fn film_backward(
+    to: &Return,
+    sums: &Sums,
+    channel: usize,
+    path: usize,
+    point: &Point,
+    by_ray: &RayGradient,
+) {
+    let lists = &to.lists;
+    let (ray, at) = (to.walks.cameras.get(path), &to.paths[path]);
+    let upstream = sums.of_channel(to.upstream[path], channel);
+    let constant = upstream.radiance.dot(lists.everywhere());
+    let light = upstream.jump(&to.walks.list[path].light) - constant;
+    let pixel = middle_of(lists, at.numbers.pixel);
+    let mut by_camera = CameraGradient::default();
+    follow_on_film(
+        lists, sums, &to.camera, &ray, pixel, point, light, at.time, by_ray, &mut by_camera,
+    );
+    if to.wanted.of.camera {
+        add_to_camera(sums, &by_camera);
+    }
 }
 
 /// The backward pass of camera rays, and of the light of the environment that they see.

@@ -11,7 +11,7 @@ use crate::model::filter::PixelFilter;
 use crate::model::integers::Wide;
 use crate::sampling::{EmitterGroup, EmitterLists, Sampler, points};
 use crate::scene::ParameterId;
-use crate::trace::{Features, NONE, OF_CONES, OF_PATHS, PURPOSES, Scene, emitters_of};
+use crate::trace::{Features, NONE, OF_CONES, OF_PATHS, PURPOSES, RARELY, Scene, emitters_of};
 use crate::warnings::warning;
 
 /// A scene as a camera sees it, with the settings of a render.
@@ -163,7 +163,15 @@ impl View {
     fn flat(&self) -> Flat {
         let mut settings = self.camera.numbers().to_vec();
         let clamp = self.settings.clamp.unwrap_or(f32::INFINITY);
-        settings.extend([self.cone, self.scene.frame.unit as f32, clamp]);
+        let following = match (&self.edge_sets, self.settings.interior) {
+            (Some(sets), true) => sets.following(),
+            _ => -1.0,
+        };
+        let moves = self.camera.filter > 0.0;
+        let filter = if moves { 0.0 } else { self.filter.radius() };
+        let unit = self.scene.frame.unit as f32;
+        let resting = if self.wanted.of.camera { 1.0 } else { RARELY };
+        settings.extend([self.cone, unit, clamp, following, filter, resting]);
         let emitters = &self.scene.emitters;
         let group = |g: &EmitterGroup| {
             // The members of a group have consecutive numbers.

@@ -12,7 +12,9 @@ use crate::model::camera::CameraRay;
 use crate::model::{Four, V2, V3};
 use crate::sampling::{EmitterKinds, Met, Stream};
 pub(crate) use crate::trace::Seen;
-use crate::trace::{Arrived, Leaving, Point, PointGradient, RayGradient, Scene, albedo_of};
+use crate::trace::{
+    Arrived, Beside, Leaving, LightBeside, Point, PointGradient, RayGradient, Scene, albedo_of,
+};
 
 /// The approximate number of paths that are traced together. It is large enough to fill the lanes of stages, and to
 /// give the processor other work while it waits for one path's data.
@@ -310,7 +312,8 @@ pub(crate) struct Work {
     pub(super) along: Vec<Connecting>,
     /// Paths on both sides of edges.
     pub(super) side_walks: Walks,
-    pub(super) side_lights: Vec<Option<Seen>>,
+    pub(super) besides: Vec<[Beside; 2]>,
+    pub(super) side_lights: Vec<Option<LightBeside>>,
     pub(super) back: Back,
     pub(crate) counts: RayCounts,
     /// The cost of backward passes, and the variance of edge samples.

@@ -18,6 +18,18 @@ pub(crate) struct Query {
     pub exponent: f32,
     /// Whether only edges at which visibility jumps count.
     pub shadows: bool,
+    /// 1 over the distance at which directions follow the material by half ([`left_of_crease`]).
+    pub following: f32,
+}
+
+/// Returns the part of a crease's jump that is left where directions follow the material: 1/(1 + ρ⁴), with ρ the
+/// distance over the one at which they do so by half. Without these (`following` is 0) it is 1.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+pub(crate) fn left_of_crease(distance: f32, following: f32) -> f32 {
+    let near = distance * following;
+    let square = near * near;
+    1.0 / (square * square + 1.0)
 }
 
 /// Upper bounds of jumps at edges by their cause, between 0 and 1 for one edge.
@@ -28,8 +40,9 @@ pub(crate) struct Jumps {
     pub passes_always: f32,
     /// Jumps at folds that are silhouettes.
     pub fold: f32,
-    /// Jumps where both faces of a fold are seen.
+    /// Jumps where both faces of a fold are seen, and those of them whose faces directions may follow.
     pub crease: f32,
+    pub followed: f32,
     /// 1 if all folds belong to closed objects.
     pub closed: f32,
 }
@@ -76,20 +89,24 @@ const TINY: f32 = 1e-30;
 pub(crate) const FOLD: u32 = 0;
 pub(crate) const BORDER: u32 = 1;
 pub(crate) const CROSSING: u32 = 2;
+/// Bits beside an edge's kind: its object is closed, and directions may follow both of its faces.
+pub(crate) const CLOSED: u32 = 4;
+pub(crate) const FOLLOWED: u32 = 8;
 
 #[cfg_attr(feature = "gpu", cube)]
 impl Jumps {
-    /// Returns the jumps of an edge of a kind. `crease` bounds the jump of color where both faces are seen, and
-    /// `closed` is true for an edge of a closed object.
+    /// Returns the jumps of an edge of a kind, with its bits [`CLOSED`] and [`FOLLOWED`]. `crease` bounds the jump of
+    /// color where both faces are seen.
     #[inline(always)]
-    pub fn of_kind(kind: u32, crease: f32, closed: bool) -> Jumps {
-        let fold = kind == FOLD;
+    pub fn of_kind(kind: u32, crease: f32) -> Jumps {
+        let fold = kind % CLOSED == FOLD;
         Jumps {
             seen_always: select(fold, 0.0, 1.0),
-            passes_always: select(kind == BORDER, 1.0, 0.0),
+            passes_always: select(kind % CLOSED == BORDER, 1.0, 0.0),
             fold: select(fold, 1.0, 0.0),
             crease: select(fold, crease, 0.0),
-            closed: select(closed, 1.0, 0.0),
+            followed: select(fold && kind & FOLLOWED != 0, crease, 0.0),
+            closed: select(kind & CLOSED != 0, 1.0, 0.0),
         }
     }
 
@@ -103,10 +120,11 @@ impl Jumps {
         always
     }
 
-    /// Returns the jump where both faces are seen.
+    /// Returns the jump where both faces are seen, from at least a distance.
     #[inline(always)]
-    fn of_crease(&self, q: &Query) -> f32 {
-        let mut crease = self.crease;
+    fn of_crease(&self, q: &Query, distance: f32) -> f32 {
+        let left = left_of_crease(distance, q.following);
+        let mut crease = self.crease - self.followed + self.followed * left;
         if q.shadows {
             crease = 0.0f32;
         }
@@ -164,7 +182,11 @@ impl Subtree {
         let no_fold = narrow && sin_sum < turned;
         let fold = select(no_fold, 0.0, self.jumps.fold / (sin_sum.abs() + 0.05));
         let no_crease = narrow && sin_sum < facing && self.jumps.closed > 0.0;
-        let crease = select(no_crease, 0.0, self.jumps.of_crease(q));
+        let crease = select(
+            no_crease,
+            0.0,
+            self.jumps.of_crease(q, max(distance - radius, 0.0)),
+        );
         let nearest = min(
             max((along + radius) / max(distance + radius, TINY), 0.0),
             1.0,
@@ -221,7 +243,7 @@ impl SeenEdge {
         let front = -self.front.dot(self.to);
         let back = -self.back.dot(self.to);
         let unseen = self.jumps.closed > 0.0 && front <= 0.0 && back <= 0.0;
-        let crease = select(unseen, 0.0, self.jumps.of_crease(q));
+        let crease = select(unseen, 0.0, self.jumps.of_crease(q, self.to.length()));
         let jump = select(front * back < 0.0, self.jumps.fold, crease);
         // If the point lies in the plane of a face, it sees that face edge-on.
         let edge_on = min(front.abs(), back.abs()) < self.away() * 1e-6;
@@ -313,6 +335,7 @@ mod tests {
                 sin: half.sin(),
                 exponent: 0.0,
                 shadows: true,
+                following: 0.0,
             };
             let subtree = Subtree {
                 center: V3::from(center),
@@ -320,7 +343,7 @@ mod tests {
                 axis: v3(0.0, 0.0, 1.0),
                 cos: 1.0,
                 sin: 0.0,
-                jumps: Jumps::of_kind(BORDER, 0.0, false),
+                jumps: Jumps::of_kind(BORDER, 0.0),
             };
             let weight = subtree.estimate(&query, 0.1).weight;
             let outside = is_outside(subtree.center, radius, &query);

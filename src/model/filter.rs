@@ -213,6 +213,29 @@ pub(crate) fn filter_by_radius(x: f32, radius: f32) -> f32 {
     mean
 }
 
+/// Returns the derivative of the logarithm of the pixel filter's density at an offset x from the pixel's center.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+pub(crate) fn filter_slope(x: f32, radius: f32) -> f32 {
+    // The lower half, whose end the difference of the cumulative distributions keeps.
+    let low = max((-x.abs() - 0.5) / radius, -1.0);
+    let high = min((-x.abs() + 0.5) / radius, 1.0);
+    let a = 1.0 - low * low;
+    let b = 1.0 - high * high;
+    let density = max(kernel_below(high) - kernel_below(low), 1e-12);
+    let slope = 0.9375 * (b * b - a * a) / (density * radius);
+    select(x > 0.0, -slope, slope)
+}
+
+/// Returns the fraction of [`film_kernel`] below x.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+fn kernel_below(x: f32) -> f32 {
+    let y = 1.0 - x.abs();
+    let below = y * y * y * (20.0 - y * (15.0 - 3.0 * y)) * 0.0625;
+    select(x > 0.0, 1.0 - below, below)
+}
+
 /// Returns the fraction of the pixel filter that lies below a point x ≤ 0.
 fn share_below(x: f64, radius: f64) -> f64 {
     if radius <= 0.0 {

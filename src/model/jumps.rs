@@ -82,6 +82,7 @@ pub(crate) fn towards_group(
         sin: 1.0,
         exponent: 0.0,
         shadows: true,
+        following: 0.0,
     };
     if half.cos > 0.0 {
         query.axis = to * (1.0 / distance);
@@ -104,6 +105,7 @@ pub(crate) fn towards_light(x: V3, time: f32, axis: V3, tangent: f32) -> Query {
         sin: half.sin,
         exponent: 0.0,
         shadows: true,
+        following: 0.0,
     }
 }
 
@@ -147,6 +149,7 @@ pub(crate) fn of_lobe(
             sin: lobe.sin,
             exponent: lobe.exponent,
             shadows: false,
+            following: 0.0,
         },
         lobe,
         of_gloss,

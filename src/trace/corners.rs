@@ -201,6 +201,16 @@ impl<'a> Scene<'a> {
             sums.add_vector(3 * self.object_of(triangle), g * time, VELOCITIES);
         }
     }
+
+    /// Adds the derivative with respect to the point of a triangle that is at a position, if it is required.
+    #[inline(always)]
+    pub fn add_to_point(&self, sums: &Sums, triangle: u32, position: V3, g: V3, time: f32) {
+        if comptime!(sums.of.objects) && self.is_wanted(self.object_of(triangle)) {
+            let at_rest = position - self.shift(triangle, time);
+            let weights = self.triangle(triangle).weights(at_rest);
+            self.add_to_corners(sums, triangle, weights, g, time);
+        }
+    }
 }
 
 /// A weighted sum, normalized and on the side of a geometric normal, and the factor it was multiplied by.

@@ -89,6 +89,23 @@ pub(crate) fn edge_of(scene: &Scene, index: u32, time: f32) -> EdgePoint {
     p
 }
 
+#[cfg_attr(feature = "gpu", cube)]
+impl<'a> Scene<'a> {
+    /// Returns whether derivatives with respect to the position of an edge are required.
+    #[inline(always)]
+    pub fn edge_moves(&self, edge: u32) -> bool {
+        let list = &self.of_edges[OF_EDGE * edge as usize..];
+        let mut moves = false;
+        if list[IS_CROSSING as usize] != 0 {
+            let first = self.is_wanted(self.object_of(list[0]));
+            moves = first || self.is_wanted(self.object_of(list[1]));
+        } else {
+            moves = self.is_wanted(list[OBJECT_OF_EDGE as usize]);
+        }
+        moves
+    }
+}
+
 /// Samples a point on a drawn edge, in the part that lies in the query's cone and above the surface that sees it.
 /// `per_chance` is 1 over the edge's probability.
 #[cfg_attr(feature = "gpu", cube)]

@@ -3,7 +3,7 @@
 use crate::cube::*;
 
 use super::lights::{GroupChoice, choose_group, emitters_of};
-use super::scene::{CONE, GROUP, Scene};
+use super::scene::{CONE, FOLLOWING, GROUP, Scene};
 use super::sums::Sums;
 use super::surface::{Point, receiver_of};
 use crate::model::bsdf::Lobe;
@@ -12,6 +12,9 @@ use crate::model::jumps::{LobeSearch, of_lobe, towards_group, towards_light};
 use crate::model::lists::vector;
 use crate::model::{Four, V3};
 use crate::sampling::Receiver;
+
+/// The part of searches by points that rest, and of samples on the film, that goes to edges that rest, too.
+pub(crate) const RARELY: f32 = 0.125;
 
 /// A point of a path from which edges are searched.
 #[apply(record!)]
@@ -48,7 +51,11 @@ pub(crate) struct Search {
     pub is_made: bool,
     /// Whether it is for the light of emitters.
     pub of_light: bool,
+    /// Whether it draws from all edges, and whether only those that rest count then.
     pub moves: bool,
+    pub of_resting: bool,
+    /// Whether directions follow the material.
+    pub follows: bool,
     /// Random numbers for the point on the edge, and for the blur of the cone.
     pub u: f32,
     pub v: f32,
@@ -104,6 +111,8 @@ pub(crate) fn search(
         is_made: false,
         of_light,
         moves: o.moves,
+        of_resting: false,
+        follows: false,
         u: drawn.y,
         v: drawn.z,
         cone_u: drawn.w,
@@ -150,10 +159,22 @@ pub(crate) fn search(
         if s.is_made {
             let found: LobeSearch = of_lobe(&shading, x, time, drawn.x / rate, tangent);
             s.query = found.query;
+            s.follows = scene.follows_from(&shading);
+            if s.follows {
+                s.query.following = scene.settings[FOLLOWING];
+            }
             s.lobe = found.lobe;
             s.of_gloss = found.of_gloss;
             s.scale = 1.0 / rate / found.chance;
             s.cone_u = found.cone_u;
+        }
+        if comptime!(sums.of.objects) && s.follows && !s.moves {
+            // Edges that rest jump before material that moves and is followed.
+            s.of_resting = s.u < RARELY;
+            s.moves = s.of_resting;
+            let chance = select(s.of_resting, RARELY, 1.0 - RARELY);
+            s.u = select(s.of_resting, s.u, s.u - RARELY) / chance;
+            s.scale /= chance;
         }
     }
     s

@@ -3,6 +3,8 @@
 use crate::cube::*;
 
 use super::edge_points::EdgePoint;
+use super::following::Left;
+use super::pixel::Seen;
 use super::scene::{NONE, Scene};
 use crate::accel::Hit;
 use crate::model::edge::TOUCHING;
@@ -16,6 +18,81 @@ pub(crate) struct Approach {
     pub origin: V3,
     pub view: V3,
     pub sides: Sides,
+    /// Whether the ray follows the material in part, and whether it comes from the camera.
+    pub follows: bool,
+    pub on_film: bool,
+}
+
+/// The light on both sides of an edge.
+#[apply(zeroed!)]
+pub(crate) struct LightBeside {
+    /// The light on the − side minus the light on the + side, without that part of which the material moves with the edge.
+    pub jump: Seen,
+    pub minus: Followed,
+    pub plus: Followed,
+}
+
+/// The light on one side of an edge that belongs to rays which follow other material than that of the edge. The light of
+/// the + side is negative.
+#[apply(zeroed!)]
+pub(crate) struct Followed {
+    pub light: Seen,
+    pub triangle: u32,
+    pub near: V3,
+    pub distance: f32,
+}
+
+#[cfg_attr(feature = "gpu", cube)]
+impl LightBeside {
+    /// Adds the light of a side, times a factor.
+    #[inline(always)]
+    pub fn add(
+        &mut self,
+        scene: &Scene,
+        a: &Approach,
+        at: &Beside,
+        on_plus: bool,
+        light: &Seen,
+        factor: f32,
+        time: f32,
+    ) {
+        let sign = select(on_plus, -factor, factor);
+        self.jump.add(light, sign);
+        if a.follows && at.triangle != NONE {
+            let t = scene.triangle(at.triangle);
+            let weights = t.weights(at.near - scene.shift(at.triangle, time));
+            let direction = at.direction;
+            let normal = select_vector(t.normal.dot(direction) < 0.0, t.normal, -t.normal);
+            let (triangle, distance) = (at.triangle, at.distance);
+            let left: Left =
+                scene.left_at(triangle, weights, normal, distance, direction, a.on_film);
+            let share = (1.0 - left.part) * sign;
+            let mut followed = Seen::default();
+            followed.add(light, share);
+            followed.radiance -= scene.everywhere() * share;
+            let p = a.point;
+            if p.faces.contains(at.triangle) && !p.crossing {
+                self.jump.add(&followed, -1.0);
+            } else {
+                let mut before = self.minus.light;
+                if on_plus {
+                    before = self.plus.light;
+                }
+                followed.add(&before, 1.0);
+                let side = Followed {
+                    light: followed,
+                    triangle: at.triangle,
+                    near: at.near,
+                    distance: at.distance,
+                };
+                if on_plus {
+                    self.plus = side;
+                } else {
+                    self.minus = side;
+                }
+            }
+        }
+    }
 }
 
 /// Returns whether the triangle that a ray hit occludes an edge's point and does not touch it.

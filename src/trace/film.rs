@@ -3,12 +3,14 @@
 use crate::cube::*;
 
 use super::edge_points::{EdgePoint, add_to_edge, edge_of, sides};
-use super::edge_sides::Approach;
+use super::edge_sides::{Approach, LightBeside};
 use super::numbers::{Exposure, NO_PIXEL, OF_EDGES, sampler};
+use super::pixel::Seen;
 use super::scene::Scene;
 use super::sums::{Sums, add_to_camera};
 use crate::model::camera::{Camera, CameraGradient};
 use crate::model::filter::film_kernel;
+use crate::model::numbers::{is_finite, is_nonzero};
 use crate::model::segment::OnSegment;
 use crate::model::{V2, V3, v2};
 use crate::sampling::Dimensions;
@@ -93,25 +95,61 @@ impl FilmPoint {
             origin: self.origin,
             view,
             sides: sides(scene, &p, view, side, time),
+            follows: scene.follows_on_film(),
+            on_film: true.runtime(),
         }
     }
 
-    /// Adds the derivatives due to the jump from one side to the other of a loss that depends on what is seen.
-    /// Returns the largest component of the derivative with respect to the edge's point.
+    /// Adds the derivatives due to the jump of a loss that depends on what is seen by `g`. Returns the largest component of
+    /// the derivative with respect to the edge's point.
     #[inline(always)]
-    pub fn backward(&self, scene: &Scene, sums: &Sums, c: &Camera, jump: f32, time: f32) -> f32 {
+    pub fn backward(
+        &self,
+        scene: &Scene,
+        sums: &Sums,
+        c: &Camera,
+        g: &Seen,
+        light: &LightBeside,
+        time: f32,
+    ) -> f32 {
         let mut by_camera = CameraGradient::default();
-        let scale = jump * self.point.per_density;
-        let by_film = v2(self.along.y * scale, -self.along.x * scale);
+        let per_density = self.point.per_density;
+        let per_jump = v2(self.along.y * per_density, -self.along.x * per_density);
         let lens = self.lens;
-        let at = self.point.position;
-        let by_point = c.project_backward(at, lens.x, lens.y, by_film, &mut by_camera);
-        if comptime!(sums.of.camera) {
+        let jump = g.jump(&light.jump);
+        let mut largest = 0.0f32;
+        let mut spreads = jump;
+        if comptime!(scene.features.smooth) {
+            let mut side = 0u32;
+            while side < 2 {
+                let mut on = light.minus;
+                if side == 1 {
+                    on = light.plus;
+                }
+                let follows = g.jump(&on.light);
+                if is_nonzero(follows) && is_finite(follows) {
+                    spreads -= follows;
+                    let by_film = v2(-per_jump.x * follows, -per_jump.y * follows);
+                    let by_point = c.project_backward(on.near, lens.x, lens.y, by_film, &mut by_camera);
+                    scene.add_to_point(sums, on.triangle, on.near, by_point, time);
+                    largest = by_point.abs().max_element();
+                }
+                side += 1;
+            }
+        }
+        let by_film = v2(per_jump.x * jump, per_jump.y * jump);
+        if is_nonzero(jump * per_density) && is_finite(jump * per_density) {
+            let at = self.point.position;
+            let by_point = c.project_backward(at, lens.x, lens.y, by_film, &mut by_camera);
+            add_to_edge(scene, sums, &self.point, by_point, time);
+            largest = max(largest, by_point.abs().max_element());
+        }
+        if comptime!(sums.of.camera) && largest > 0.0 {
             // A wider filter moves its points away from the center, past the edge.
-            by_camera.filter -= by_film.x * self.kernel.x + by_film.y * self.kernel.y;
+            let across = per_jump.x * self.kernel.x + per_jump.y * self.kernel.y;
+            by_camera.filter -= across * spreads;
             add_to_camera(sums, &by_camera);
         }
-        add_to_edge(scene, sums, &self.point, by_point, time);
-        by_point.abs().max_element()
+        largest
     }
 }

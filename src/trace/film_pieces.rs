@@ -3,9 +3,9 @@
 use crate::cube::*;
 
 use super::edge_points::{IS_CROSSING, OF_EDGE};
-use super::scene::{CLOSED, Scene};
+use super::scene::{RESTING, Scene};
 use crate::model::camera::Camera;
-use crate::model::edge_weight::FOLD;
+use crate::model::edge_weight::{CLOSED, FOLD};
 use crate::model::lists::vector;
 use crate::model::segment::{Part, clip_linear};
 use crate::model::{V2, V3, v2, v3};
@@ -70,9 +70,16 @@ fn jump_on_film(scene: &Scene, c: &Camera, edge: u32, start: V3, moved: f32) -> 
         let back = scene.plane(scene.of_edges[faces + 1]).normal.dot(to_eye);
         let least = min(front.abs(), back.abs());
         if least > slack && front * back > 0.0 {
-            let hidden = kind >= CLOSED && front < 0.0;
+            let hidden = kind & CLOSED != 0 && front < 0.0;
             jump = select(hidden, 0.0, scene.creases[edge as usize]);
+            if comptime!(scene.features.smooth) {
+                let rests = scene.settings[RESTING] < 1.0 && !scene.edge_moves(edge);
+                jump = select(rests, 0.0, jump);
+            }
         }
+    }
+    if comptime!(scene.features.smooth) {
+        jump *= select(scene.edge_moves(edge), 1.0, scene.settings[RESTING]);
     }
     jump
 }

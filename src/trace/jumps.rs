@@ -3,11 +3,10 @@
 
 use crate::cube::*;
 
-use super::edge_points::{EdgePoint, add_to_edge, sides};
+use super::edge_points::{EdgePoint, OF_EDGE, add_to_edge, sides};
 use super::edge_search::{Observer, Search};
-use super::edge_sides::Approach;
+use super::edge_sides::{Approach, LightBeside};
 use super::lights::{emission_at, emitters_of, of_corners, radiance_of, target_of};
-use super::pixel::Seen;
 use super::scene::{CONE, NONE, Scene};
 use super::sums::{Sums, add_to_light};
 use super::surface::PointGradient;
@@ -62,7 +61,8 @@ pub(crate) fn edge_view(scene: &Scene, o: &Observer, s: &Search, p: EdgePoint) -
             reflected = select_vector(s.lobe.holds(axis), reflected, splat(0.0));
         }
     }
-    past = select(reflected.is_zero(), first, past);
+    let rests = s.of_resting && scene.edge_moves(p.edge / OF_EDGE as u32);
+    past = select(reflected.is_zero() || rests, first, past);
     EdgeView {
         point: p,
         view,
@@ -96,12 +96,14 @@ impl EdgeView {
 
     /// Returns the ray to the edge's point, and the faces beside it.
     #[inline(always)]
-    pub fn approach(&self, sides: Sides) -> Approach {
+    pub fn approach(&self, follows: bool, sides: Sides) -> Approach {
         Approach {
             point: self.point,
             origin: self.start,
             view: self.view,
             sides,
+            follows,
+            on_film: false.runtime(),
         }
     }
 
@@ -292,9 +294,8 @@ pub(crate) fn shadow_backward(
     e.backward(scene, sums, o, jump, scale, time, by)
 }
 
-/// Adds the derivatives due to the jump of reflected light or of the environment's light. `light` is the quantities
-/// seen on the − side of the edge minus those on the + side. Returns the largest component of the derivative with
-/// respect to the edge's point.
+/// Adds the derivatives due to the jump of reflected light or of the environment's light. Returns the largest component
+/// of the derivative with respect to the edge's point.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn reflected_backward(
@@ -304,20 +305,40 @@ pub(crate) fn reflected_backward(
     s: &Search,
     e: &EdgeView,
     jump: &Jump,
-    light: &Seen,
+    light: &LightBeside,
     time: f32,
     by: &mut PointGradient,
 ) -> f32 {
     let shading = o.point.shading;
-    let mut scale = e.carried.dot(light.radiance);
-    if is_nonzero(scale) {
+    let mut scale = e.carried.dot(light.jump.radiance);
+    let mut turns = scale;
+    let by_axis = jump.motion.edge.by_axis;
+    if s.follows {
+        // Directions on a side follow its material in part.
+        let mut side = 0u32;
+        while side < 2 {
+            let mut on = light.minus;
+            if side == 1 {
+                on = light.plus;
+            }
+            let follows = e.carried.dot(on.light.radiance);
+            if is_nonzero(follows) {
+                turns -= follows;
+                let by_point = by_axis.reject_from_normalized(e.axis) * (follows / on.distance);
+                by.position -= by_point;
+                scene.add_to_point(sums, on.triangle, on.near, by_point, time);
+            }
+            side += 1;
+        }
+    }
+    if is_nonzero(turns) {
         // Directions turn with the frame of the lobe.
         let drawn = shading.as_drawn(e.axis, s.of_gloss);
-        shading.direction_backward(&drawn, jump.motion.edge.by_axis * scale, &mut by.shading);
+        shading.direction_backward(&drawn, by_axis * turns, &mut by.shading);
     }
-    if comptime!(scene.features.gathers_map) && light.opacity != 0.0 {
+    if comptime!(scene.features.gathers_map) && light.jump.opacity != 0.0 {
         // Directions to a map are fixed.
-        scale -= e.carried.dot(sky(scene, e.axis)) * light.opacity;
+        scale -= e.carried.dot(sky(scene, e.axis)) * light.jump.opacity;
     }
     e.backward(scene, sums, o, jump, scale, time, by)
 }

@@ -23,6 +23,7 @@ mod edge_sides;
 mod features;
 mod film;
 mod film_pieces;
+mod following;
 #[cfg(feature = "gpu")]
 mod fours;
 mod jumps;
@@ -45,6 +46,7 @@ pub(crate) use edge_sides::*;
 pub(crate) use features::{Derivatives, Features};
 pub(crate) use film::*;
 pub(crate) use film_pieces::*;
+pub(crate) use following::*;
 #[cfg(feature = "gpu")]
 pub(crate) use fours::*;
 pub(crate) use jumps::*;

@@ -192,7 +192,7 @@ lists! {
         of_edges,
         edge_children,
         edges_of_leaves,
-        /// The kind of each edge, and whether its object is closed ([`CLOSED`]).
+        /// The kind of each edge, with its bits ([`CLOSED`](crate::model::edge_weight::CLOSED)).
         edge_kinds,
         /// For GPUs: the slots for pieces of edges on the film ([`OF_SLOT`](super::OF_SLOT)), and then room.
         slots,
@@ -254,8 +254,6 @@ pub(crate) const NORMAL_MAP: u32 = 1 + 4 * CHANNELS;
 pub(crate) const MATERIAL: u32 = NORMAL_MAP + 4;
 pub(crate) const GROUP: u32 = 7;
 pub(crate) const OF_GROUP: u32 = 3;
-/// Bit of an edge's kind ([`FOLD`](crate::model::edge_weight::FOLD) and so on) that is set if its object is closed.
-pub(crate) const CLOSED: u32 = 4;
 /// No row, or no triangle.
 pub(crate) const NONE: u32 = u32::MAX;
 
@@ -267,11 +265,16 @@ pub(crate) const COMPENSATED: u32 = 8;
 pub(crate) const MODEL: u32 = 16;
 pub(crate) const GLOWS: u32 = 8 * MODEL;
 
-/// Settings of a view: the camera, the tangent of the half-angle of cones, scene units per unit of the lists, and the
-/// limit of indirect light.
+/// Settings of a view: the camera, the tangent of the half-angle of cones, scene units per unit of the lists, the limit
+/// of indirect light, 1 over the distance at which directions follow glossy faces by half (0 if they never do, −1 if no
+/// ray follows the material), the radius of the pixel filter, or 0 if it changes with the camera, and the factor by which
+/// edges that rest count less on the film.
 pub(crate) const CONE: usize = camera::NUMBERS;
 pub(crate) const UNIT: usize = CONE + 1;
 pub(crate) const CLAMP: usize = UNIT + 1;
+pub(crate) const FOLLOWING: usize = CLAMP + 1;
+pub(crate) const FILTER: usize = FOLLOWING + 1;
+pub(crate) const RESTING: usize = FILTER + 1;
 
 #[cfg_attr(feature = "gpu", cube)]
 impl<'a> Scene<'a> {

@@ -2,14 +2,16 @@
 
 use macro_rules_attribute::apply;
 
-use crate::accel::{Hit, HitRay, NOTHING, stage};
+use crate::accel::{HitRay, NOTHING, stage};
 use crate::kernel::path::draw_emitters;
 use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Kept, Path, PathBlock, Walks, Work};
 use crate::model::bsdf::normals_differ;
 use crate::model::{Pair, V3};
 use crate::sampling::Stream;
-use crate::trace::{Approach, Point, Seen, beside, emitted, hides, is_crease, point_at, sky};
+use crate::trace::{
+    Approach, Beside, LightBeside, Point, Scene, beside, emitted, hides, is_crease, point_at, sky,
+};
 
 impl Approach {
     /// Returns a ray past the edge that ignores the edge's faces.
@@ -66,15 +68,19 @@ pub(super) fn light_beside(
         draw_emitters(&of, &mut walks.levels[0]);
         of.reflected(&mut walks, work);
     }
+    let lists = &tracer.lists;
     let all = walks.list.as_chunks::<WALKS>().0;
-    for (light, [minus, plus, others @ ..]) in work.side_lights.iter_mut().zip(all) {
+    let lights = work.side_lights.iter_mut().zip(&work.besides);
+    let of_edges = approaches.iter().zip(paths);
+    for (((light, at), walks), (approach, path)) in lights.zip(all).zip(of_edges) {
         let Some(light) = light else { continue };
-        // The light on the − side of the edge minus the light on the + side.
-        *light = minus.light;
-        light.add(&plus.light, -1.0);
-        if others[0].seen != NOTHING {
-            let other = others[0].light.radiance - others[1].light.radiance;
-            light.radiance = (light.radiance + other) * 0.5;
+        let mirrors = walks[2].seen != NOTHING;
+        for side in 0..2 {
+            let mut seen = walks[side].light;
+            if mirrors {
+                seen.radiance = (seen.radiance + walks[2 + side].light.radiance) * 0.5;
+            }
+            light.add(lists, approach, &at[side], side == 1, &seen, 1.0, path.time);
         }
     }
     work.side_walks = walks;
@@ -93,17 +99,17 @@ fn begin_beside<'a>(
 ) {
     let lists = &tracer.lists;
     work.side_lights.clear();
+    work.besides.clear();
     for (i, (approach, path)) in approaches.iter().zip(paths).enumerate() {
         let (hit, p) = (work.hits[i], &approach.point);
         let hidden = hides(lists, &hit, p, path.time);
-        work.side_lights.push((!hidden).then_some(Seen::default()));
+        work.side_lights.push((!hidden).then_some(LightBeside::default()));
+        let at = [false, true].map(|on_plus| beside(lists, approach, &hit, on_plus, path.time));
+        work.besides.push(at);
         if hidden {
             continue;
         }
-        let mut points = [
-            point_beside(tracer, approach, &hit, false, path.time),
-            point_beside(tracer, approach, &hit, true, path.time),
-        ];
+        let mut points = at.map(|at| point_beside(lists, &at, path.time));
         let mut count = 2;
         if let [Some(minus), Some(plus)] = &mut points
             && is_crease(lists, &approach.sides)
@@ -144,17 +150,9 @@ fn begin_beside<'a>(
     }
 }
 
-/// Returns the surface point on one side of an edge point, or `None` if the environment is seen there.
+/// Returns the surface point beside an edge point, or `None` if the environment is seen there.
 #[inline(always)]
-fn point_beside(
-    tracer: &Tracer,
-    approach: &Approach,
-    behind: &Hit,
-    on_plus: bool,
-    time: f32,
-) -> Option<Point> {
-    let lists = &tracer.lists;
-    let at = beside(lists, approach, behind, on_plus, time);
+fn point_beside(lists: &Scene, at: &Beside, time: f32) -> Option<Point> {
     let (k, near) = (at.triangle, at.near);
     if k == NOTHING {
         return None;

@@ -105,13 +105,11 @@ fn backward<'a>(
         if let Some(light) = light {
             let pixel = point.film.y as u32 * view.settings.width + point.film.x as u32;
             for channel in 0..sums.channels() {
-                let jump = sums.of_channel(g, channel).jump(light);
-                let scale = jump * point.point.per_density;
-                if scale.is_finite() && scale != 0.0 {
-                    sums.select(pixel, channel);
-                    let largest = point.backward(&view.lists, sums, &view.camera, jump, path.time);
-                    squares += f64::from(largest).powi(2);
-                }
+                let g = &sums.of_channel(g, channel);
+                sums.select(pixel, channel);
+                let (c, time) = (&view.camera, path.time);
+                let largest = point.backward(&view.lists, sums, c, g, light, time);
+                squares += f64::from(largest).powi(2);
             }
         }
     }

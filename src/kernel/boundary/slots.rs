@@ -40,9 +40,10 @@ impl View {
             return Vec::new();
         };
         let (lists, radius) = (self.lists(), self.filter.radius());
+        // If the camera moves, all edges move relative to it. Edges that rest jump before material that rays follow.
+        let all = self.wanted.of.camera || lists.follows_on_film();
         let of_edge = |mut found: Vec<(u64, T)>, edge: usize| {
-            // If the camera moves, all edges move relative to it.
-            if self.wanted.of.camera || sets.edges.get(edge).moves(&self.scene, &self.wanted) {
+            if all || sets.edges.get(edge).moves(&self.scene, &self.wanted) {
                 let line = film_line(&lists, &self.camera, radius, edge as u32);
                 let log = self.log_pieces(&line);
                 for number in 0..1 << log {

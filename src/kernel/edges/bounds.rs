@@ -36,7 +36,7 @@ impl EdgeList<'_> {
             along: e.along,
             front,
             back,
-            jumps: Jumps::of_kind(e.kind as u32, e.crease, e.closed),
+            jumps: Jumps::of_kind(e.kind_word(), e.crease),
         };
         (seen, self.scene.shift(first, 1.0))
     }
@@ -88,6 +88,7 @@ impl Bounds {
                 passes_always: 0.0,
                 fold: 0.0,
                 crease: 0.0,
+                followed: 0.0,
                 closed: 1.0,
             },
         }
@@ -132,6 +133,7 @@ impl Bounds {
         self.jumps.passes_always += length * e.jumps.passes_always;
         self.jumps.fold += length * e.jumps.fold * (e.front - e.back).length();
         self.jumps.crease += length * e.jumps.crease;
+        self.jumps.followed += length * e.jumps.followed;
         let closed = select(is_fold, e.jumps.closed, 1.0);
         self.jumps.closed = min(self.jumps.closed, closed);
         self.normals += select_vector(is_fold, e.front + e.back, splat(0.0));
@@ -163,6 +165,7 @@ impl Bounds {
         self.jumps.passes_always += part.jumps.passes_always;
         self.jumps.fold += part.jumps.fold;
         self.jumps.crease += part.jumps.crease;
+        self.jumps.followed += part.jumps.followed;
         self.jumps.closed = min(self.jumps.closed, part.jumps.closed);
     }
 

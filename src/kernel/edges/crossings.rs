@@ -168,6 +168,7 @@ fn crossing(scene: &KernelScene, k: u32, l: u32, [a, b]: [V3; 2], time: f32) -> 
         object: scene.object_of(k),
         kind: Kind::Crossing,
         crease: 1.0,
+        followed: false,
         closed: false,
         apart: scene.shift(k, 1.0) != scene.shift(l, 1.0),
     }

@@ -93,6 +93,7 @@ fn subtree(block: &Blocks, branch: usize) -> Subtree {
             passes_always: others.y,
             fold: of_folds.y,
             crease: of_folds.z,
+            followed: others.z,
             closed: of_folds.w,
         },
     }
@@ -122,6 +123,7 @@ fn seen_edge(tree: &Root, block: &Blocks, branch: usize, q: &Query) -> SeenEdge 
             passes_always: others.y,
             fold: front.w,
             crease: back.w,
+            followed: others.w,
             closed: others.z,
         },
     }
@@ -146,7 +148,7 @@ pub(crate) fn put_edge(list: &mut [f32], first: usize, e: &SeenEdge, velocity: V
     put(list, first, 0usize, e.to, e.half);
     put(list, first, FRONT, e.front, jumps.fold);
     put(list, first, BACK, e.back, jumps.crease);
-    put(list, first, OTHERS, others, 0.0);
+    put(list, first, OTHERS, others, jumps.followed);
     put(list, first, ALONG, e.along, 0.0);
     put(list, first, VELOCITY, velocity, 0.0);
 }
@@ -160,7 +162,7 @@ pub(crate) fn put_subtree(list: &mut [f32], first: usize, s: &Subtree) {
     put(list, first, 0usize, s.center, s.radius);
     put(list, first, AXIS, s.axis, s.cos);
     put(list, first, SINE, of_folds, jumps.closed);
-    let others = v3(jumps.seen_always, jumps.passes_always, 0.0);
+    let others = v3(jumps.seen_always, jumps.passes_always, jumps.followed);
     put(list, first, OTHERS, others, 0.0);
 }
 

@@ -9,7 +9,7 @@ use crate::geometry::Weld;
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
 use crate::model::triangle::{self, AREA};
-use crate::scene::HostObject;
+use crate::scene::{BsdfKind, HostObject};
 use crate::trace::{NONE, NORMAL_ROWS, UV_ROWS};
 
 /// The jump of colors at a crease, divided by the difference of its normals (approximate).
@@ -163,10 +163,16 @@ impl MeshEdges {
         edges.extend(jumping.len(), moved, |i| {
             let i = jumping[i] as usize;
             let kind = kinds[i].unwrap_or(BORDER);
+            let edge = self.edge(scene, &self.groups[i], kind);
+            let glossy = |&k: &u32| {
+                let kind = &scene.material(k).kind;
+                kind.glossy || kind.bsdf != BsdfKind::Phong
+            };
             Edge {
                 object: object as u32,
                 closed,
-                ..self.edge(scene, &self.groups[i], kind)
+                followed: kind.0 == Kind::Fold && edge.faces[..2].iter().all(glossy),
+                ..edge
             }
         });
     }
@@ -208,6 +214,7 @@ impl MeshEdges {
             kind,
             crease,
             closed: false,
+            followed: false,
             apart: false,
         }
     }

@@ -17,9 +17,9 @@ use rayon::prelude::*;
 use super::gradient::Wanted;
 use super::scene::KernelScene;
 use crate::model::V3;
-use crate::model::edge_weight::{BORDER, CROSSING, FOLD};
+use crate::model::edge_weight::{BORDER, CLOSED, CROSSING, FOLD, FOLLOWED};
 use crate::scene::HostScene;
-use crate::trace::{CLOSED, OF_EDGE, Scene};
+use crate::trace::{OF_EDGE, Scene};
 #[cfg(feature = "gpu")]
 pub(crate) use blocks::Blocks;
 #[cfg(feature = "gpu")]
@@ -37,6 +37,9 @@ use tree::{Division, EdgeTree};
 /// The largest number of faces of an edge. Further faces count as surfaces behind the edge.
 pub(in crate::kernel) const FACES: usize = 4;
 
+/// The distance at which directions follow glossy faces by half, in lengths of creases.
+const FOLLOWED_BY_HALF: f64 = 2.0;
+
 /// An edge, in inner coordinates at the start of the shutter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Edge {
@@ -53,6 +56,8 @@ pub(crate) struct Edge {
     pub crease: f32,
     /// Whether the object itself hides everything behind the edge's faces.
     pub closed: bool,
+    /// Whether bounces may follow both of its faces ([`Scene::is_followed`]).
+    pub followed: bool,
     /// Whether its faces move apart while the shutter is open. Then the line of a crossing moves, too.
     pub apart: bool,
 }
@@ -70,7 +75,8 @@ impl Edge {
 
     /// Returns its word in [`Scene::edge_kinds`].
     fn kind_word(&self) -> u32 {
-        self.kind as u32 | if self.closed { CLOSED } else { 0 }
+        let bit = |is_set: bool, bit: u32| if is_set { bit } else { 0 };
+        self.kind as u32 | bit(self.closed, CLOSED) | bit(self.followed, FOLLOWED)
     }
 
     /// Returns its words in a list ([`EdgePoint`](crate::trace::EdgePoint)).
@@ -163,7 +169,8 @@ impl Edges {
             object,
             kind: self.kind(i),
             crease: self.creases[i],
-            closed: self.kinds[i] >= CLOSED,
+            closed: self.kinds[i] & CLOSED != 0,
+            followed: self.kinds[i] & FOLLOWED != 0,
             apart: crossing == 2,
         }
     }
@@ -279,6 +286,25 @@ impl EdgeSets {
         kept.last = Some(sets.clone());
         *lock() = kept;
         sets
+    }
+
+    /// Returns 1 over the distance at which directions follow glossy faces by half: a multiple of the mean length of their
+    /// creases, each of which counts as much as it may jump. It is 0 without creases.
+    pub fn following(&self) -> f32 {
+        let edges = (0..self.edges.count).into_par_iter();
+        let of_edge = |i: usize| {
+            let followed = self.edges.kinds[i] & FOLLOWED != 0;
+            let crease = if followed { self.edges.creases[i] } else { 0.0 };
+            let [_, along] = self.edges.flat[i].map(V3::from);
+            [crease, crease * along.length()].map(f64::from)
+        };
+        let sums = edges.map(of_edge);
+        let [creases, lengths] = sums.reduce(|| [0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+        if lengths > 0.0 {
+            (creases / (FOLLOWED_BY_HALF * lengths)) as f32
+        } else {
+            0.0
+        }
     }
 
     /// Adds the edges to the lists of a view.

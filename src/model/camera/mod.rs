@@ -12,7 +12,7 @@ mod tests;
 use super::filter::filter_by_radius;
 #[cfg(feature = "gpu")]
 use super::lists::vector;
-use super::{Pair, V2, V3, v2, v3};
+use super::{Pair, V2, V3, splat, v2, v3};
 use crate::cube::*;
 pub(crate) use host::HostCamera;
 
@@ -128,16 +128,36 @@ impl Camera {
             gradient.per_focus -= by_along.dot(self.lens_point(ray.lens_x, ray.lens_y));
         }
         if self.filter > 0.0 {
-            let x = 0.5 * (self.width + ray.x * self.height) - pixel.x;
-            let y = 0.5 * (1.0 - ray.y) * self.height - pixel.y;
-            let by_x = by_beside.dot(self.across) * filter_by_radius(x, self.filter);
-            let by_y = by_beside.dot(self.upward) * filter_by_radius(y, self.filter);
-            gradient.filter += (by_x - by_y) * (2.0 / self.height);
+            let at = self.film_point(ray);
+            let by_film = self.film_backward(ray, g_o, g_d);
+            gradient.filter += by_film.x * filter_by_radius(at.x - pixel.x, self.filter)
+                + by_film.y * filter_by_radius(at.y - pixel.y, self.filter);
         }
         gradient.eye += g_o;
         gradient.across += by_beside * ray.x;
         gradient.upward += by_beside * ray.y;
         gradient.forward += by_along;
+    }
+
+    /// Returns a ray's film point in pixels.
+    #[inline(always)]
+    pub fn film_point(&self, ray: &CameraRay) -> V2 {
+        let x = 0.5 * (self.width + ray.x * self.height);
+        v2(x, 0.5 * (1.0 - ray.y) * self.height)
+    }
+
+    /// Returns the derivative of g_o·origin + g_d·direction of a ray with respect to its film point in pixels.
+    #[inline(always)]
+    pub fn film_backward(&self, ray: &CameraRay, g_o: V3, g_d: V3) -> V2 {
+        let mut by_beside = g_o;
+        if !self.parallel {
+            by_beside = g_d.reject_from_normalized(ray.direction) * (1.0 / ray.length);
+        }
+        let scale = 2.0 / self.height;
+        v2(
+            by_beside.dot(self.across) * scale,
+            -by_beside.dot(self.upward) * scale,
+        )
     }
 }
 
@@ -235,6 +255,41 @@ impl Camera {
         gradient.lens.second += by_lens * lens_y;
         gradient.per_focus += g_x * on_lens.x + g_y * on_lens.y;
         by_r
+    }
+
+    /// Adds the derivatives of g · log A, with A the area on the film of a part of a surface with a unit normal, per its own
+    /// area. Returns the derivative with respect to its point; that with respect to the normal is g d/(n·d), with d the
+    /// direction of the ray.
+    #[inline(always)]
+    pub fn area_backward(
+        &self,
+        ray: &CameraRay,
+        point: V3,
+        normal: V3,
+        g: f32,
+        gradient: &mut CameraGradient,
+    ) -> V3 {
+        // A is |n·d| / z³ times the determinant of the inverse basis, with z the depth and d from the lens point; for
+        // parallel rays |n·forward| times this determinant.
+        gradient.across -= self.dual.x * g;
+        gradient.upward -= self.dual.y * g;
+        gradient.forward -= self.dual.z * g;
+        let mut by_point = splat(0.0);
+        if self.parallel {
+            gradient.forward += normal * (g / normal.dot(self.forward));
+        } else {
+            let d = point - ray.origin;
+            let r = self.local(d);
+            let by_depth = self.dual.z * (-3.0 * g / r.z);
+            gradient.across -= by_depth * r.x;
+            gradient.upward -= by_depth * r.y;
+            gradient.forward -= by_depth * r.z;
+            by_point = normal * (g / normal.dot(d)) + by_depth;
+            gradient.eye -= by_point;
+            gradient.lens.first -= by_point * ray.lens_x;
+            gradient.lens.second -= by_point * ray.lens_y;
+        }
+        by_point
     }
 }
 

@@ -1,0 +1,227 @@
+//! Derivatives along rays that follow the material which they reach.
+//!
+//! Let F be the integrand over the film, or over the directions of a bounce. For any field V of velocities of its points,
+//! the derivative of ∫ F is ∫ [∂F/∂t + ∇·(F V)], plus at each edge the flux of F · (velocity of the edge − V) on both
+//! sides (Reynolds transport). Fixed film points and sampled directions have V = V₀. With the velocity v of the material
+//! point that a ray reaches, nothing jumps at a fold whose two faces are visible, and nothing grows as 1/cos θ where a
+//! surface is seen at a grazing angle; but ∇·(F V) has noise in proportion to F. So V = V₀ + (1 − u)(v − V₀), where u is
+//! the part that is left of V₀ ([`Scene::left_at`]).
+//!
+//! ∇·(F v) contains the derivative of the solid angle, or of the area on the film, in which the material is seen. Where
+//! the environment is constant, F without it is taken: the rest, a constant, has a derivative of 0.
+
+use crate::cube::*;
+
+use super::corners::facing;
+use super::parts::{AREAS, TRIANGLES};
+use super::scene::{FILTER, FOLLOWING, GLOSSY, MODEL, Scene};
+use super::sums::Sums;
+use super::surface::{Point, RayGradient};
+use crate::model::bsdf::Shading;
+use crate::model::camera::{Camera, CameraGradient, CameraRay};
+use crate::model::edge_weight::left_of_crease;
+use crate::model::filter::filter_slope;
+use crate::model::lists::vector;
+use crate::model::numbers::is_nonzero;
+use crate::model::{V2, V3, splat, v2};
+
+/// The cosine below which rays follow smooth surfaces: all of them at 0.
+const GRAZING: f32 = 0.5;
+
+/// The part of a ray's motion that is left where it follows the material, and its derivatives with respect to the ray.
+#[apply(record!)]
+pub(crate) struct Left {
+    pub part: f32,
+    by_ray: RayGradient,
+}
+
+#[cfg_attr(feature = "gpu", cube)]
+impl<'a> Scene<'a> {
+    /// Returns whether directions from a point may follow the material: lobes of glossy surfaces are too narrow, and
+    /// cones blur directions.
+    #[inline(always)]
+    pub fn follows_from(&self, shading: &Shading) -> bool {
+        let mut follows = false;
+        if comptime!(self.features.glossy && !self.features.cones) {
+            follows = self.settings[FOLLOWING] >= 0.0 && shading.scatters_evenly();
+        }
+        follows
+    }
+
+    /// Returns whether camera rays may follow the material. A filter without a slope cannot move.
+    #[inline(always)]
+    pub fn follows_on_film(&self) -> bool {
+        let mut follows = false;
+        if comptime!(self.features.smooth && self.features.glossy) {
+            follows = self.settings[FOLLOWING] >= 0.0 && self.settings[FILTER] > 0.0;
+        }
+        follows
+    }
+
+    /// Returns whether bounces follow all faces of a material: at creases of glossy faces, light has much noise.
+    #[inline(always)]
+    pub fn is_followed(&self, material: u32) -> bool {
+        self.bits_of(material) & (GLOSSY | 7 * MODEL) != 0
+    }
+
+    /// Returns the radiance of a constant environment, otherwise 0.
+    #[inline(always)]
+    pub fn everywhere(&self) -> V3 {
+        let mut radiance = splat(0.0);
+        if comptime!(self.features.sky_constant) {
+            radiance = vector(self.sky, 0u32);
+        }
+        radiance
+    }
+
+    /// Returns how much is left of the motion of a ray that reaches a point of a triangle, seen from its side
+    /// `geometric`. It falls with the distance from glossy faces, unless the ray comes from the camera, and with the
+    /// cosine to smooth normals.
+    #[inline(always)]
+    pub fn left_at(
+        &self,
+        triangle: u32,
+        weights: V3,
+        geometric: V3,
+        distance: f32,
+        direction: V3,
+        on_film: bool,
+    ) -> Left {
+        let per_facing = 1.0 / geometric.dot(direction);
+        let mut part = 1.0f32;
+        let mut by_ray = RayGradient::default();
+        let followed = self.is_followed(self.material_of(triangle));
+        if followed && !on_film {
+            part = left_of_crease(distance, self.settings[FOLLOWING]);
+            // The derivative with respect to log r is −4 u (1 − u).
+            let slope = 4.0 * part * (1.0 - part);
+            by_ray.direction = geometric * (slope * per_facing);
+            by_ray.origin = by_ray.direction * (1.0 / distance);
+        }
+        if comptime!(self.features.smooth) {
+            let rows = self.normal_rows(triangle);
+            if followed && rows.exist() {
+                let corners = rows.of(self.normals, 3u32);
+                let at = facing(corners.at(weights), geometric);
+                let cosine = max(-at.normal.dot(direction), 0.0) * (1.0 / GRAZING);
+                let square = cosine * cosine;
+                if square < 1.0 {
+                    let left = square * (2.0 - square);
+                    // With respect to n·ω. The normal changes with the point of the triangle that is hit.
+                    let by_cosine = (1.0 - square) * cosine * (-4.0 / GRAZING) * part;
+                    let by_sum = direction.reject_from_normalized(at.normal) * at.factor;
+                    let slopes = self.triangle(triangle).slopes();
+                    let by_point = slopes.first * by_sum.dot(corners.b - corners.a)
+                        + slopes.second * by_sum.dot(corners.c - corners.a);
+                    let along = by_point.dot(direction) * per_facing;
+                    let by_origin = (by_point - geometric * along) * by_cosine;
+                    by_ray.origin = by_ray.origin * left + by_origin;
+                    by_ray.direction = by_ray.direction * left
+                        + at.normal * by_cosine
+                        + by_origin * distance;
+                    part *= left;
+                }
+            }
+        }
+        Left { part, by_ray }
+    }
+
+    /// Adds the derivatives with respect to the material at a point: those of its position, and of the logarithm of its
+    /// area seen along a direction, times `counts`.
+    #[inline(always)]
+    fn add_to_material(
+        &self,
+        sums: &Sums,
+        p: &Point,
+        by_position: V3,
+        counts: f32,
+        direction: V3,
+        time: f32,
+    ) {
+        if comptime!(sums.of.objects) && self.is_wanted(p.object) {
+            self.add_to_corners(sums, p.triangle, p.weights, by_position, time);
+            let per_facing = counts * p.side / p.shading.geometric.dot(direction);
+            sums.add_vector(3 * p.triangle, direction * per_facing, TRIANGLES);
+            let area = self.triangle(p.triangle).area;
+            sums.add(p.triangle, counts / area, AREAS);
+        }
+    }
+}
+
+/// Returns the derivatives with respect to a bounce ray from the point `x` to the point `y` whose direction follows the
+/// material of `y`, from those of a ray with the sampled direction, and adds the derivatives with respect to this material.
+/// `light` is the product of the light that arrives at `x`, without the constant environment, and its derivative.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+pub(crate) fn follow_backward(
+    scene: &Scene,
+    sums: &Sums,
+    x: &Point,
+    y: &Point,
+    light: f32,
+    time: f32,
+    by_ray: RayGradient,
+) -> RayGradient {
+    let mut by = by_ray;
+    if comptime!(sums.of.rays) && scene.follows_from(&x.shading) {
+        let (r, direction, normal) = (y.distance, y.shading.incoming, y.shading.geometric);
+        let left: Left = scene.left_at(y.triangle, y.weights, normal, r, direction, false);
+        let share = 1.0 - left.part;
+        if share > 0.0 {
+            let counts = share * light;
+            let by_cosine = x.shading.by_log_cosine(direction) * counts;
+            let by_way = by.direction * share + by_cosine - left.by_ray.direction * light;
+            by.direction -= by_way;
+            // The solid angle of a part of the material is its area · |n·d| / r³, with d from x to y.
+            let by_angle = normal * (counts / normal.dot(direction)) - direction * (3.0 * counts);
+            let across = by_way.reject_from_normalized(direction);
+            let by_point = (across + by_angle) * (1.0 / r);
+            by.origin -= by_point;
+            scene.add_to_material(sums, y, by_point, counts, direction, time);
+        }
+    }
+    by
+}
+
+/// Adds the derivatives due to a camera ray that follows the material at its point `y`. They are those that a fixed film
+/// point, with the derivatives `by_ray`, leaves out. `light` is the product of what the camera sees, without the constant
+/// environment, and its derivative; `pixel` is the center of the pixel.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+pub(crate) fn follow_on_film(
+    scene: &Scene,
+    sums: &Sums,
+    c: &Camera,
+    ray: &CameraRay,
+    pixel: V2,
+    y: &Point,
+    light: f32,
+    time: f32,
+    by_ray: &RayGradient,
+    by_camera: &mut CameraGradient,
+) {
+    if comptime!(sums.of.objects || sums.of.camera) && scene.follows_on_film() {
+        let (direction, normal) = (ray.direction, y.shading.geometric);
+        let left: Left =
+            scene.left_at(y.triangle, y.weights, normal, y.distance, direction, true);
+        let share = 1.0 - left.part;
+        if share > 0.0 && (is_nonzero(light) || !by_ray.direction.is_zero()) {
+            let counts = share * light;
+            let film = c.film_point(ray);
+            let radius = scene.settings[FILTER];
+            let slope_x = filter_slope(film.x - pixel.x, radius);
+            let slope_y = filter_slope(film.y - pixel.y, radius);
+            let of_light = c.film_backward(ray, by_ray.origin, by_ray.direction);
+            let of_left = c.film_backward(ray, left.by_ray.origin, left.by_ray.direction);
+            let by_film = v2(
+                of_light.x * share + slope_x * counts - of_left.x * light,
+                of_light.y * share + slope_y * counts - of_left.y * light,
+            );
+            let at = y.position;
+            let mut by_point =
+                c.project_backward(at, ray.lens_x, ray.lens_y, by_film, by_camera);
+            by_point += c.area_backward(ray, at, normal, counts, by_camera);
+            scene.add_to_material(sums, y, by_point, counts, direction, time);
+        }
+    }
+}
