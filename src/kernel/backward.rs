@@ -5,6 +5,7 @@ use std::ops::Deref;
 
 use macro_rules_attribute::apply;
 
+use super::shares::SEARCHED;
 use super::walk::{Back, Lanes, Level, PathBlock, Seen, Walks, Way, Work};
 use crate::accel::{NOTHING, stage};
 use crate::model::V3;
@@ -25,7 +26,7 @@ pub(super) struct Return<'a> {
     /// The average derivative of the loss with respect to the light of a camera ray.
     pub typical: f32,
     /// The number of searches of each kind that a point makes whose light counts as much as an average camera ray.
-    pub searches: [f32; 2],
+    pub searches: [f32; SEARCHED],
     pub sums: &'a Sums<'a>,
 }
 

@@ -36,7 +36,7 @@ pub(crate) use edges::{EdgeSets, LastEdges};
 pub(crate) use gradient::Rows;
 pub(crate) use gradient::{HostSums, Wanted};
 pub(crate) use scene::KernelScene;
-pub(crate) use shares::{ON_FILM, Yields};
+pub(crate) use shares::{KINDS, ON_FILM, SEARCHED, SHADOWS, Yields};
 pub(crate) use tasks::Counted;
 pub(crate) use view::{View, ViewSettings};
 pub(crate) use walk::{RayCounts, Seen, Work};

@@ -4,15 +4,18 @@ use std::ops::AddAssign;
 
 use crate::model::jumps::LOW_SAMPLES_LOG;
 
-/// The kinds of edges: shadows of emitters, reflected light, and the film.
+/// The kinds of edges: in shadows of emitters, in light that matt and glossy points reflect, and on the film.
 pub(crate) const SHADOWS: usize = 0;
 pub(crate) const REFLECTED: usize = 1;
-pub(crate) const ON_FILM: usize = 2;
-const KINDS: usize = 3;
+pub(crate) const IN_GLOSS: usize = 2;
+pub(crate) const ON_FILM: usize = 3;
+pub(crate) const KINDS: usize = 4;
+/// The number of kinds of edges for which points search.
+pub(crate) const SEARCHED: usize = 3;
 
 /// The variance of a sum of samples of a kind, divided by the sum of their squares. Samples on the film are spread
 /// evenly over all edges there.
-const VARIANCE: [f64; KINDS] = [1.0, 1.0, 0.1];
+const VARIANCE: [f64; KINDS] = [1.0, 1.0, 1.0, 0.1];
 /// The cost of a search for an edge, in rays of light beside edges.
 pub(super) const SEARCH: f64 = 3.0;
 /// The cost of a ray of a path, in the image and in the backward pass, in the same unit.
@@ -118,10 +121,13 @@ mod tests {
         let few = yields([5.0; KINDS], [30.0; KINDS]).shares(LOW_SAMPLES_LOG);
         assert_eq!(few, [0.5; KINDS]);
         // The variance is Σ a_k / m_k at a cost Σ c_k m_k: moving cost from one kind to another cannot lower it.
-        let (a, c) = ([8.0, 2.0, 1.0], [10.0, 40.0, 20.0]);
+        let (a, c) = ([8.0, 2.0, 4.0, 1.0], [10.0, 40.0, 30.0, 20.0]);
         let m = yields(a, c).shares(MANY).map(f64::from);
         let variance = |m: [f64; KINDS]| (0..KINDS).map(|k| a[k] / m[k]).sum::<f64>();
-        for (from, to) in [(0, 1), (1, 0), (0, 2), (2, 0), (1, 2), (2, 1)] {
+        for (from, to) in (0..KINDS).flat_map(|from| (0..KINDS).map(move |to| (from, to))) {
+            if from == to {
+                continue;
+            }
             let mut other = m;
             // By more than the steps of shares.
             let moved = 0.3 * c[from] * m[from];
@@ -133,9 +139,10 @@ mod tests {
 
     #[test]
     fn edges_that_bring_nothing_keep_few_samples() {
-        let shares = yields([1.0, 0.0, 0.0], [30.0, 30.0, 30.0]).shares(MANY);
+        let shares = yields([1.0, 0.0, 0.0, 0.0], [30.0; KINDS]).shares(MANY);
         assert!(shares[SHADOWS] > 2.0, "{shares:?}");
         assert_eq!(shares[REFLECTED], MIN_SHARE as f32);
+        assert_eq!(shares[IN_GLOSS], MIN_SHARE as f32);
         assert_eq!(shares[ON_FILM], MIN_SHARE as f32);
         for (squares, cost) in [
             (0.0, 30.0),

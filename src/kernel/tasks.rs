@@ -7,6 +7,7 @@ use macro_rules_attribute::apply;
 use super::backward::Return;
 use super::gradient::HostSums;
 use super::view::{Tracer, View};
+use super::shares::SEARCHED;
 use super::walk::{Kept, Path, PathBlock, Paths, RUN, Seen, TOGETHER, Walks, Work};
 use crate::accel::stage;
 use crate::model::V3;
@@ -105,7 +106,7 @@ impl View {
         &self,
         pixels: &[(u32, Seen)],
         typical: f32,
-        searches: [f32; 2],
+        searches: [f32; SEARCHED],
         samples: Range<u32>,
         work: &mut Work,
         sums: &mut HostSums,

@@ -8,7 +8,7 @@ use crate::kernel::backward::Return;
 use crate::kernel::edges::{DrawnEdge, NO_EDGE, ROOM, Root, draw_edge};
 use crate::kernel::eights::Eight;
 use crate::kernel::path::drawn_by;
-use crate::kernel::shares::{REFLECTED, SEARCH, SHADOWS};
+use crate::kernel::shares::{IN_GLOSS, REFLECTED, SEARCH, SHADOWS};
 use crate::kernel::walk::{Back, Level, Path, Work};
 use crate::lanes::{LANES, Record};
 use crate::model::Four;
@@ -17,7 +17,7 @@ use crate::model::edge_weight::Query;
 use crate::model::jumps::{SEARCH_SETS, counts_of, mean_searches, most_searches};
 use crate::sampling::{Dimensions, Stream};
 use crate::trace::{
-    Approach, EdgeView, Jump, OF_EDGES, OF_SIDES, Observer, Search, edge_point, edge_view, jump_at,
+    Approach, EdgeView, Jump, OF_EDGES, OF_SIDES, Observer, Point, Search, edge_point, edge_view, jump_at,
     looks_for_edges, reflected_backward, sampler, search, shadow_backward,
 };
 
@@ -84,8 +84,8 @@ impl Return<'_> {
         let bounce = (bounce < self.settings.bounces).then_some(bounce + 1);
         let paths = (&*beside, self.cones);
         let rays = light_beside(self, &approaches, paths, bounce, false, work);
-        let squares = reflections_backward(self, level, &reflections, &beside, back, work);
-        work.yields.edges[REFLECTED].add(squares, rays);
+        let rays_each = rays / reflections.len().max(1) as f64;
+        reflections_backward(self, level, &reflections, &beside, rays_each, back, work);
     }
 }
 
@@ -130,7 +130,11 @@ fn find_jumps<'a>(
             if !to.features.emitters && of_light {
                 continue;
             }
-            let kind = if of_light { SHADOWS } else { REFLECTED };
+            let kind = if of_light {
+                SHADOWS
+            } else {
+                kind_of_reflection(&level.points.get(lane))
+            };
             let mean = mean_searches(to.searches[kind], counts);
             let count = most_searches(mean);
             for again in 0..count {
@@ -254,19 +258,30 @@ fn shadows_backward<'a>(
     squares
 }
 
-/// Adds the derivatives from jumps of light that surfaces reflect, and of the environment. Returns the sum of the
-/// squared derivatives with respect to points of edges.
+/// Returns the kind of the edges that a point sees in reflected light.
+#[inline(always)]
+fn kind_of_reflection(point: &Point) -> usize {
+    if point.shading.scatters_evenly() {
+        REFLECTED
+    } else {
+        IN_GLOSS
+    }
+}
+
+/// Adds the derivatives from jumps of light that surfaces reflect, and of the environment, and their variance and cost:
+/// `rays` each.
 #[apply(stage!)]
 fn reflections_backward<'a>(
     to: &'a Return<'a>,
     level: &'a Level,
     list: &'a [EdgeJump],
     beside: &'a [Path],
+    rays: f64,
     back: &'a mut Back,
-    work: &'a Work,
-) -> f64 {
-    let mut squares = 0.0;
+    work: &'a mut Work,
+) {
     for ((f, path), light) in list.iter().zip(beside).zip(&work.side_lights) {
+        let mut squares = 0.0;
         if let Some(light) = light {
             let (o, s, j, time) = (&f.observer, &f.search, &f.jump, path.time);
             for (channel, lanes) in back.channels.iter_mut().enumerate() {
@@ -277,6 +292,6 @@ fn reflections_backward<'a>(
                 squares += f64::from(largest).powi(2);
             }
         }
+        work.yields.edges[kind_of_reflection(&f.observer.point)].add(squares, rays);
     }
-    squares
 }

@@ -11,7 +11,10 @@ use rayon::prelude::*;
 
 use super::forward::camera_tiles;
 use super::rows::Rows;
-use crate::kernel::{FilmEdges, HostSums, ON_FILM, PixelGradients, Seen, View, Work, Yields};
+use crate::kernel::{
+    FilmEdges, HostSums, KINDS, ON_FILM, PixelGradients, SEARCHED, SHADOWS, Seen, View, Work,
+    Yields,
+};
 use crate::model::film::{MAX_EDGE_SAMPLES, samples_of_film};
 use crate::model::integers::hashed;
 use crate::model::jumps::usual_searches;
@@ -165,7 +168,8 @@ impl Backward {
             .collect();
         let typical = View::typical(&upstream);
         let samples_log = view.lists().samples_log;
-        let usual = [true, false].map(|of_light| usual_searches(of_light, samples_log));
+        let usual: [f32; SEARCHED] =
+            std::array::from_fn(|kind| usual_searches(kind == SHADOWS, samples_log));
         let tiles: Vec<&[Tile]> = self.tiles.chunks(each).collect();
         let range = |tiles: &[Tile]| {
             let past = tiles.iter().map(|t| t.first + t.pixels).max();
@@ -183,7 +187,7 @@ impl Backward {
             })
         };
         let film = &loss.film;
-        let mut shares = [1.0; 3];
+        let mut shares = [1.0; KINDS];
         let first = |pixel: u32| hashed(pixel).is_multiple_of(FIRST);
         let counted = upstream
             .iter()
@@ -195,7 +199,7 @@ impl Backward {
                 yields += film.first(view, &empty).times(f64::from(FIRST_ON_FILM));
             }
             shares = yields.shares(samples_log);
-            let searches = [0, 1].map(|kind| usual[kind] * shares[kind]);
+            let searches = std::array::from_fn(|kind| usual[kind] * shares[kind]);
             of_pixels(searches, &|pixel| !first(pixel));
         } else {
             of_pixels(usual, &|_| true);
