@@ -18,8 +18,8 @@ use crate::model::{Four, V3, splat};
 use crate::sampling::EmitterPlace;
 use crate::trace::{
     Arrived, CONE, NONE, Point, PointGradient, RayGradient, Scene, Seen, Sums, add_to_camera,
-    emitters_of, leave_backward, light_backward, map_backward, map_of, middle_of, point_backward,
-    receiver_of, seen_backward, sky_backward, target_of,
+    emitters_of, follow_backward, follow_on_film, leave_backward, light_backward, map_backward,
+    map_of, middle_of, point_backward, receiver_of, seen_backward, sky_backward, target_of,
 };
 
 /// A point of a path in the backward pass.
@@ -150,6 +150,20 @@ pub(super) fn path_backward(
             by_t = seen_backward(scene, sums, &v.point, &upstream, &mut by);
         }
         by_ray = point_backward(scene, sums, &v.point, path.time, &by, by_t);
+        if comptime!(scene.features.glossy && sums.of.rays) {
+            by_ray = followed_backward(
+                scene,
+                records,
+                sums,
+                room,
+                &path,
+                &v,
+                which.pixel,
+                &upstream,
+                by_throughput,
+                by_ray,
+            );
+        }
     }
     if comptime!(sums.of.camera) {
         let mut by_camera = CameraGradient::default();
@@ -162,6 +176,52 @@ pub(super) fn path_backward(
         );
         add_to_camera(sums, &by_camera);
     }
+}
+
+/// Adds the derivatives due to a ray that follows the material at its point. Returns those with respect to the ray.
+#[cube]
+fn followed_backward(
+    scene: &Scene,
+    records: &mut [u32],
+    sums: &Sums,
+    room: Room,
+    path: &Beginning,
+    v: &Vertex,
+    pixel: u32,
+    upstream: &Seen,
+    by_throughput: V3,
+    by_ray: RayGradient,
+) -> RayGradient {
+    let mut by = by_ray;
+    if v.number == 0 {
+        let (c, middle) = (camera(scene), middle_of(scene, pixel));
+        follow_on_film(
+            scene,
+            sums,
+            &c,
+            &path.ray,
+            middle,
+            &v.point,
+            upstream,
+            by_throughput,
+            path.time,
+            &by_ray,
+        );
+    } else {
+        let x = room.arrival(records, v.number - 1).point(scene, path.time);
+        by = follow_backward(
+            scene,
+            sums,
+            &x,
+            &v.point,
+            v.throughput,
+            by_throughput,
+            v.g,
+            path.time,
+            by_ray,
+        );
+    }
+    by
 }
 
 /// Adds the derivatives from the light of visible emitters: the sampled emitter first, then the emitters along the

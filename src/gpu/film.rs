@@ -13,7 +13,7 @@ use super::sums::{Adding, of_channel};
 use crate::model::camera::{Camera, CameraRay};
 use crate::model::choice::is_positive;
 use crate::model::film::{BLOCK, DrawnPiece, cell_at, draw_piece, samples_of_film};
-use crate::model::numbers::{is_finite, is_nonzero};
+use crate::model::numbers::is_nonzero;
 use crate::model::segment::OnSegment;
 use crate::sampling::{Dimensions, LENGTH};
 use crate::trace::{
@@ -303,11 +303,8 @@ fn add_film_jump(
         let channels = comptime!(loss.outputs.channels(loss.forward));
         #[unroll(channels == 1)]
         for channel in 0..channels {
-            let jump = loss.of_channel(g, channel).jump(&light);
-            let scale = jump * p.per_density;
-            if is_nonzero(scale) && is_finite(scale) {
-                f.backward(scene, &of_channel(sums, channel), c, jump, time);
-            }
+            let own = loss.of_channel(g, channel);
+            f.backward(scene, &of_channel(sums, channel), c, &own, &light, time);
         }
     }
 }

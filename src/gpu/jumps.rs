@@ -20,9 +20,9 @@ use crate::model::jumps::{SEARCH_SETS, mean_searches, most_searches, usual_searc
 use crate::model::{Four, Pair};
 use crate::sampling::{Dimensions, Stream};
 use crate::trace::{
-    Approach, EdgeView, Jump, NONE, OF_EDGES, OF_SIDES, Observer, PointGradient, Scene, Search,
-    Seen, Sums, beside, edge_point, edge_view, hides, is_crease, jump_at, looks_for_edges,
-    point_at, reflected_backward, sampler, search, shadow_backward, sky, start_of,
+    Approach, EdgeView, Jump, LightBeside, NONE, OF_EDGES, OF_SIDES, Observer, PointGradient,
+    Scene, Search, Seen, Sums, beside, edge_point, edge_view, hides, is_crease, jump_at,
+    looks_for_edges, point_at, reflected_backward, sampler, search, shadow_backward, sky, start_of,
 };
 
 /// Returns the mean number of searches of a point. `counts` is the size of the derivative that the point carries,
@@ -202,13 +202,13 @@ fn add_jump(
     let hit = trace(scene, memory, ray, p.faces, false, of_light, true);
     if of_light {
         if hit.triangle == NONE {
-            let light = Seen::default();
+            let light = LightBeside::default();
             jump_backward(
                 scene, records, room, loss, sums, o, s, e, jump, &light, time, of_light,
             );
         }
     } else if !hides(scene, &hit, &p, time) {
-        let approach = e.approach(jump.sides);
+        let approach = e.approach(s.follows, jump.sides);
         let sides = sampler(scene, OF_SIDES);
         let numbers = sides.stream(path.numbers.pixel, path.numbers.sample);
         let beginning = Beginning {
@@ -241,7 +241,7 @@ fn jump_backward(
     s: &Search,
     e: &EdgeView,
     jump: &Jump,
-    light: &Seen,
+    light: &LightBeside,
     time: f32,
     #[comptime] of_light: bool,
 ) {
@@ -306,9 +306,9 @@ pub(super) fn light_beside(
     a: &Approach,
     behind: &Hit,
     #[comptime] film: bool,
-) -> Seen {
+) -> LightBeside {
     let time = beginning.time;
-    let mut light = Seen::default();
+    let mut light = LightBeside::default();
     let mut normals = Normals::default();
     if goes_on && is_crease(scene, &a.sides) {
         normals = normals_beside(scene, a, behind, time);
@@ -321,14 +321,16 @@ pub(super) fn light_beside(
         sign = 0.5f32;
     }
     while left > 0 {
-        let at = beside(scene, a, behind, sign < 0.0, time);
+        let on_plus = sign < 0.0;
+        let at = beside(scene, a, behind, on_plus, time);
+        let mut own = Seen::default();
         // CubeCL 0.11 (SPIR-V) loses the light of maps if this condition is merged with the next, or has no `else`.
         if at.triangle == NONE {
             if comptime!(film || scene.features.sees_sky) {
-                light.radiance += sky(scene, a.view) * sign;
+                own.radiance = sky(scene, a.view);
             }
         } else {
-            light.opacity += sign;
+            own.opacity = 1.0f32;
         }
         if at.triangle != NONE && goes_on {
             let start = Start {
@@ -339,11 +341,9 @@ pub(super) fn light_beside(
                 mirrored: left > 2,
                 emits: film.runtime(),
             };
-            let seen = light_of(scene, memory, beginning, start, true).seen;
-            light.radiance += seen.radiance * sign;
-            light.depth += seen.depth * sign;
-            light.normal += seen.normal * sign;
+            own = light_of(scene, memory, beginning, start, true).seen;
         }
+        light.add(scene, a, &at, on_plus, &own, sign.abs(), time);
         sign = -sign;
         left -= 1;
     }

@@ -12,9 +12,9 @@ use crate::model::V3;
 use crate::model::camera::CameraGradient;
 use crate::model::connection::Target;
 use crate::trace::{
-    NONE, Point, PointGradient, RayGradient, Sums, add_to_camera, follow_backward, follow_on_film,
-    leave_backward, light_backward,
-    map_backward, middle_of, point_backward, seen_backward, sky_backward, target_of,
+    NONE, PointGradient, RayGradient, Sums, add_to_camera, follow_backward, follow_on_film,
+    leave_backward, light_backward, map_backward, middle_of, point_backward, seen_backward,
+    sky_backward, target_of,
 };
 
 /// Paths whose levels were kept, in the backward pass.
@@ -213,43 +213,24 @@ fn points_backward<'a>(
         let before = level.before[lane] as usize;
         back.throughputs_before[before] = back.throughputs[lane];
         let mut by_ray = point_backward(&to.lists, sums, &point, time, by, by_t);
+        let (upstream, by_light) = (to.upstream[path], back.throughputs[lane]);
         if let Some(from) = from {
-            let g = sums.radiance_of(to.upstream[path].radiance, channel);
-            let light = back.throughputs[lane] - g.times(to.lists.everywhere());
-            let light = light.dot(level.throughputs.get(lane));
-            let x = from.points.get(before);
-            by_ray = follow_backward(&to.lists, sums, &x, &point, light, time, by_ray);
-        } else if to.features.smooth {
-            film_backward(to, sums, channel, path, &point, &by_ray);
+            let (x, throughput) = (from.points.get(before), level.throughputs.get(lane));
+            let g = sums.radiance_of(upstream.radiance, channel);
+            by_ray = follow_backward(
+                &to.lists, sums, &x, &point, throughput, by_light, g, time, by_ray,
+            );
+        } else if interior {
+            let (c, ray) = (&to.camera, &to.walks.cameras.get(path));
+            let pixel = middle_of(&to.lists, to.paths[path].numbers.pixel);
+            let g = &sums.of_channel(upstream, channel);
+            follow_on_film(
+                &to.lists, sums, c, ray, pixel, &point, g, by_light, time, &by_ray,
+            );
         }
         back.rays_before[before] = by_ray;
     }
     back.swap();
-}
-
-/// Adds the derivatives due to a camera ray that follows the material at its first point.
-#[inline(always)]
-fn film_backward(
-    to: &Return,
-    sums: &Sums,
-    channel: usize,
-    path: usize,
-    point: &Point,
-    by_ray: &RayGradient,
-) {
-    let lists = &to.lists;
-    let (ray, at) = (to.walks.cameras.get(path), &to.paths[path]);
-    let upstream = sums.of_channel(to.upstream[path], channel);
-    let constant = upstream.radiance.dot(lists.everywhere());
-    let light = upstream.jump(&to.walks.list[path].light) - constant;
-    let pixel = middle_of(lists, at.numbers.pixel);
-    let mut by_camera = CameraGradient::default();
-    follow_on_film(
-        lists, sums, &to.camera, &ray, pixel, point, light, at.time, by_ray, &mut by_camera,
-    );
-    if to.wanted.of.camera {
-        add_to_camera(sums, &by_camera);
-    }
 }
 
 /// The backward pass of camera rays, and of the light of the environment that they see.

@@ -6,8 +6,8 @@ use macro_rules_attribute::apply;
 
 use super::backward::Return;
 use super::gradient::HostSums;
-use super::view::{Tracer, View};
 use super::shares::SEARCHED;
+use super::view::{Tracer, View};
 use super::walk::{Kept, Path, PathBlock, Paths, RUN, Seen, TOGETHER, Walks, Work};
 use crate::accel::stage;
 use crate::model::V3;

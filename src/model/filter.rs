@@ -322,6 +322,21 @@ mod tests {
                     "{radius} {u}: {found} {wanted}"
                 );
             }
+            // The slope of its density, which is the derivative of u with respect to the sample.
+            for x in [0.1f32, -0.3, 0.45, -0.6, 0.9] {
+                let density = |x: f64| {
+                    let below = |x: f64| share_below(-x.abs(), radius);
+                    (below(x + 1e-4) - below(x - 1e-4)).abs() / 2e-4
+                };
+                let x = x * (0.5 + radius as f32);
+                let (before, after) = (density(f64::from(x) - 2e-3), density(f64::from(x) + 2e-3));
+                let wanted = ((after / before).ln() / 4e-3) as f32;
+                let found = filter_slope(x, radius as f32);
+                assert!(
+                    radius == 0.0 || (found - wanted).abs() < 0.01 * (1.0 + wanted.abs()),
+                    "{radius} {x}: {found} {wanted}"
+                );
+            }
             assert!(filter.sample(0.0) >= -(0.5 + radius as f32 + 1e-6));
             assert!(filter.sample(1.0) <= 0.5 + radius as f32 + 1e-6);
         }

@@ -3,6 +3,8 @@
 use crate::cube::*;
 
 use super::parts::{VELOCITIES, VERTICES};
+#[cfg(feature = "gpu")]
+use super::scene::SceneExpand;
 use super::scene::{NONE, Scene};
 use super::sums::Sums;
 use crate::model::bsdf::Shading;

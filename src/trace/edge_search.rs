@@ -160,7 +160,7 @@ pub(crate) fn search(
             let found: LobeSearch = of_lobe(&shading, x, time, drawn.x / rate, tangent);
             s.query = found.query;
             s.follows = scene.follows_from(&shading);
-            if s.follows {
+            if comptime!(scene.features.glossy) && s.follows {
                 s.query.following = scene.settings[FOLLOWING];
             }
             s.lobe = found.lobe;
@@ -168,7 +168,8 @@ pub(crate) fn search(
             s.scale = 1.0 / rate / found.chance;
             s.cone_u = found.cone_u;
         }
-        if comptime!(sums.of.objects) && s.follows && !s.moves {
+        let rests = s.follows && !s.moves;
+        if comptime!(sums.of.objects && scene.features.glossy) && rests {
             // Edges that rest jump before material that moves and is followed.
             s.of_resting = s.u < RARELY;
             s.moves = s.of_resting;

@@ -58,7 +58,8 @@ impl LightBeside {
     ) {
         let sign = select(on_plus, -factor, factor);
         self.jump.add(light, sign);
-        if a.follows && at.triangle != NONE {
+        let follows = a.follows && at.triangle != NONE;
+        if comptime!(scene.features.glossy) && follows {
             let t = scene.triangle(at.triangle);
             let weights = t.weights(at.near - scene.shift(at.triangle, time));
             let direction = at.direction;

@@ -119,7 +119,7 @@ impl FilmPoint {
         let jump = g.jump(&light.jump);
         let mut largest = 0.0f32;
         let mut spreads = jump;
-        if comptime!(scene.features.smooth) {
+        if comptime!(scene.features.smooth && scene.features.glossy) {
             let mut side = 0u32;
             while side < 2 {
                 let mut on = light.minus;
@@ -130,7 +130,8 @@ impl FilmPoint {
                 if is_nonzero(follows) && is_finite(follows) {
                     spreads -= follows;
                     let by_film = v2(-per_jump.x * follows, -per_jump.y * follows);
-                    let by_point = c.project_backward(on.near, lens.x, lens.y, by_film, &mut by_camera);
+                    let by_point =
+                        c.project_backward(on.near, lens.x, lens.y, by_film, &mut by_camera);
                     scene.add_to_point(sums, on.triangle, on.near, by_point, time);
                     largest = by_point.abs().max_element();
                 }
@@ -138,7 +139,8 @@ impl FilmPoint {
             }
         }
         let by_film = v2(per_jump.x * jump, per_jump.y * jump);
-        if is_nonzero(jump * per_density) && is_finite(jump * per_density) {
+        let size = jump * per_density;
+        if is_nonzero(size) && is_finite(size) {
             let at = self.point.position;
             let by_point = c.project_backward(at, lens.x, lens.y, by_film, &mut by_camera);
             add_to_edge(scene, sums, &self.point, by_point, time);

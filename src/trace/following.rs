@@ -14,15 +14,18 @@ use crate::cube::*;
 
 use super::corners::facing;
 use super::parts::{AREAS, TRIANGLES};
+use super::pixel::Seen;
+#[cfg(feature = "gpu")]
+use super::scene::SceneExpand;
 use super::scene::{FILTER, FOLLOWING, GLOSSY, MODEL, Scene};
-use super::sums::Sums;
+use super::seen::emitted;
+use super::sums::{Sums, add_to_camera};
 use super::surface::{Point, RayGradient};
 use crate::model::bsdf::Shading;
 use crate::model::camera::{Camera, CameraGradient, CameraRay};
 use crate::model::edge_weight::left_of_crease;
 use crate::model::filter::filter_slope;
 use crate::model::lists::vector;
-use crate::model::numbers::is_nonzero;
 use crate::model::{V2, V3, splat, v2};
 
 /// The cosine below which rays follow smooth surfaces: all of them at 0.
@@ -108,7 +111,7 @@ impl<'a> Scene<'a> {
                 if square < 1.0 {
                     let left = square * (2.0 - square);
                     // With respect to n·ω. The normal changes with the point of the triangle that is hit.
-                    let by_cosine = (1.0 - square) * cosine * (-4.0 / GRAZING) * part;
+                    let by_cosine = (1.0 - square) * cosine * (-4.0f32 / GRAZING) * part;
                     let by_sum = direction.reject_from_normalized(at.normal) * at.factor;
                     let slopes = self.triangle(triangle).slopes();
                     let by_point = slopes.first * by_sum.dot(corners.b - corners.a)
@@ -116,9 +119,8 @@ impl<'a> Scene<'a> {
                     let along = by_point.dot(direction) * per_facing;
                     let by_origin = (by_point - geometric * along) * by_cosine;
                     by_ray.origin = by_ray.origin * left + by_origin;
-                    by_ray.direction = by_ray.direction * left
-                        + at.normal * by_cosine
-                        + by_origin * distance;
+                    by_ray.direction =
+                        by_ray.direction * left + at.normal * by_cosine + by_origin * distance;
                     part *= left;
                 }
             }
@@ -150,7 +152,7 @@ impl<'a> Scene<'a> {
 
 /// Returns the derivatives with respect to a bounce ray from the point `x` to the point `y` whose direction follows the
 /// material of `y`, from those of a ray with the sampled direction, and adds the derivatives with respect to this material.
-/// `light` is the product of the light that arrives at `x`, without the constant environment, and its derivative.
+/// `g` is the derivative of the light at the path's beginning, and `by_throughput` that of the throughput at `y`.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn follow_backward(
@@ -158,16 +160,20 @@ pub(crate) fn follow_backward(
     sums: &Sums,
     x: &Point,
     y: &Point,
-    light: f32,
+    throughput: V3,
+    by_throughput: V3,
+    g: V3,
     time: f32,
     by_ray: RayGradient,
 ) -> RayGradient {
     let mut by = by_ray;
-    if comptime!(sums.of.rays) && scene.follows_from(&x.shading) {
+    let follows = scene.follows_from(&x.shading);
+    if comptime!(sums.of.rays && scene.features.glossy) && follows {
         let (r, direction, normal) = (y.distance, y.shading.incoming, y.shading.geometric);
         let left: Left = scene.left_at(y.triangle, y.weights, normal, r, direction, false);
         let share = 1.0 - left.part;
         if share > 0.0 {
+            let light = throughput.dot(by_throughput - g.times(scene.everywhere()));
             let counts = share * light;
             let by_cosine = x.shading.by_log_cosine(direction) * counts;
             let by_way = by.direction * share + by_cosine - left.by_ray.direction * light;
@@ -184,8 +190,8 @@ pub(crate) fn follow_backward(
 }
 
 /// Adds the derivatives due to a camera ray that follows the material at its point `y`. They are those that a fixed film
-/// point, with the derivatives `by_ray`, leaves out. `light` is the product of what the camera sees, without the constant
-/// environment, and its derivative; `pixel` is the center of the pixel.
+/// point, with the derivatives `by_ray`, leaves out. `upstream` is the derivative of what the camera sees, and
+/// `by_throughput` its product with the reflected light; `pixel` is the center of the pixel.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn follow_on_film(
@@ -195,18 +201,26 @@ pub(crate) fn follow_on_film(
     ray: &CameraRay,
     pixel: V2,
     y: &Point,
-    light: f32,
+    upstream: &Seen,
+    by_throughput: V3,
     time: f32,
     by_ray: &RayGradient,
-    by_camera: &mut CameraGradient,
 ) {
-    if comptime!(sums.of.objects || sums.of.camera) && scene.follows_on_film() {
+    let follows = scene.follows_on_film();
+    if comptime!(scene.features.smooth && (sums.of.objects || sums.of.camera)) && follows {
         let (direction, normal) = (ray.direction, y.shading.geometric);
-        let left: Left =
-            scene.left_at(y.triangle, y.weights, normal, y.distance, direction, true);
+        let left: Left = scene.left_at(y.triangle, y.weights, normal, y.distance, direction, true);
         let share = 1.0 - left.part;
-        if share > 0.0 && (is_nonzero(light) || !by_ray.direction.is_zero()) {
+        if share > 0.0 {
+            let seen = Seen {
+                radiance: emitted(scene, y) - scene.everywhere(),
+                opacity: 1.0f32.runtime(),
+                depth: y.distance,
+                normal,
+            };
+            let light = by_throughput.element_sum() + upstream.jump(&seen);
             let counts = share * light;
+            let mut by_camera = CameraGradient::default();
             let film = c.film_point(ray);
             let radius = scene.settings[FILTER];
             let slope_x = filter_slope(film.x - pixel.x, radius);
@@ -219,9 +233,12 @@ pub(crate) fn follow_on_film(
             );
             let at = y.position;
             let mut by_point =
-                c.project_backward(at, ray.lens_x, ray.lens_y, by_film, by_camera);
-            by_point += c.area_backward(ray, at, normal, counts, by_camera);
+                c.project_backward(at, ray.lens_x, ray.lens_y, by_film, &mut by_camera);
+            by_point += c.area_backward(ray, at, normal, counts, &mut by_camera);
             scene.add_to_material(sums, y, by_point, counts, direction, time);
+            if comptime!(sums.of.camera) {
+                add_to_camera(sums, &by_camera);
+            }
         }
     }
 }

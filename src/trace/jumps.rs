@@ -313,7 +313,7 @@ pub(crate) fn reflected_backward(
     let mut scale = e.carried.dot(light.jump.radiance);
     let mut turns = scale;
     let by_axis = jump.motion.edge.by_axis;
-    if s.follows {
+    if comptime!(scene.features.glossy) && s.follows {
         // Directions on a side follow its material in part.
         let mut side = 0u32;
         while side < 2 {

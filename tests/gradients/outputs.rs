@@ -83,7 +83,8 @@ fn bodies(boundary: &str, d: &Device) -> (Mesh, Option<Mesh>) {
     }
 }
 
-fn scene(boundary: &str, motion: &str, x: &Tensor<1>) -> (Scene, Camera) {
+/// A body past another one. A glossy one has smooth normals and lies before a matt floor that sees it.
+fn scene(boundary: &str, motion: &str, glossy: bool, x: &Tensor<1>) -> (Scene, Camera) {
     let d = &x.device().inner();
     let (mut moving, still) = bodies(boundary, d);
     let mut camera = Camera::look_at([0.2, 0.4, 4.0], [0.05, 0.0, 0.0])
@@ -117,7 +118,11 @@ fn scene(boundary: &str, motion: &str, x: &Tensor<1>) -> (Scene, Camera) {
         other => panic!("there is no motion {other:?}"),
     }
     let colored = |mesh, color: [f64; 3]| Object::new(mesh).with_material(Material::diffuse(color));
-    let mut object = colored(moving, [0.8, 0.5, 0.3]);
+    let mut object = colored(moving.clone(), [0.8, 0.5, 0.3]);
+    if glossy {
+        let metal = Material::metallic_roughness([0.8, 0.5, 0.3], 1.0, 0.3);
+        object = Object::new(moving.smooth_normals()).with_material(metal);
+    }
     if let Some(velocity) = velocity {
         object = object.with_velocity(velocity);
     }
@@ -131,17 +136,25 @@ fn scene(boundary: &str, motion: &str, x: &Tensor<1>) -> (Scene, Camera) {
     } else {
         scene
     };
+    let floor = glossy.then(|| shapes::plane_grid(5.0, 5.0, 1, 1, d).translated([0.0, -1.1, 0.0]));
+    let still = still.into_iter().chain(floor);
     let still = still.map(|mesh| colored(mesh, [0.2, 0.4, 0.7]));
-    (still.into_iter().fold(scene, Scene::with_object), camera)
+    (still.fold(scene, Scene::with_object), camera)
 }
 
 /// Weighted sums of the outputs.
-fn losses(boundary: &str, motion: &str, x: &Tensor<1>, seed: u64) -> [Tensor<1>; 4] {
+fn losses(
+    boundary: &str,
+    motion: &str,
+    glossy: bool,
+    x: &Tensor<1>,
+    seed: u64,
+) -> [Tensor<1>; 4] {
     let device = &x.device().inner();
-    let (scene, camera) = scene(boundary, motion, x);
+    let (scene, camera) = scene(boundary, motion, glossy, x);
     let options = RenderOptions::new(SIZE, SIZE)
         .with_samples(32)
-        .with_bounces(0)
+        .with_bounces(u32::from(glossy))
         .with_depth()
         .with_normals()
         .with_seed(seed);
@@ -165,9 +178,18 @@ fn losses(boundary: &str, motion: &str, x: &Tensor<1>, seed: u64) -> [Tensor<1>;
     ]
 }
 
-/// The difference over a wide step is the mean of the derivatives within it, which are taken at opposite points in pairs.
 #[test]
-fn outputs_agree_with_central_differences() {
+fn outputs_of_matt_bodies_agree_with_central_differences() {
+    compare(false);
+}
+
+#[test]
+fn outputs_of_glossy_bodies_agree_with_central_differences() {
+    compare(true);
+}
+
+/// The difference over a wide step is the mean of the derivatives within it, which are taken at opposite points in pairs.
+fn compare(glossy: bool) {
     let device = Device::flex();
     let (pairs, precision) = if common::long() {
         (64, 0.03)
@@ -179,12 +201,12 @@ fn outputs_agree_with_central_differences() {
     for (boundary, motion) in BOUNDARIES.iter().flat_map(|b| MOTIONS.map(|m| (*b, m))) {
         let values_at = |x: f64, seed| {
             let x = Tensor::from_floats([x as f32], &device);
-            losses(boundary, motion, &x, seed).map(|loss| values(&loss)[0])
+            losses(boundary, motion, glossy, &x, seed).map(|loss| values(&loss)[0])
         };
         let by_output = |x: f64, seed| {
             std::array::from_fn::<f64, 4, _>(|k| {
                 let x = leaf(&[x as f32], &device);
-                let [loss] = [losses(boundary, motion, &x, seed)[k].clone()];
+                let [loss] = [losses(boundary, motion, glossy, &x, seed)[k].clone()];
                 if loss.is_tracked() {
                     gradient(&x, &loss.backward())[0]
                 } else {
@@ -242,7 +264,7 @@ fn quotients_by_the_opacity_agree_with_central_differences() {
     let device = Device::flex();
     for motion in ["pose", "camera's turn"] {
         let loss = |x: &Tensor<1>, seed| {
-            let (scene, camera) = scene("cylinder", motion, x);
+            let (scene, camera) = scene("cylinder", motion, false, x);
             // Over wide pixels, all of which cross the floor gradually.
             let wide = Visibility::Cone {
                 angle: 0.0,

@@ -103,7 +103,8 @@ fn begin_beside<'a>(
     for (i, (approach, path)) in approaches.iter().zip(paths).enumerate() {
         let (hit, p) = (work.hits[i], &approach.point);
         let hidden = hides(lists, &hit, p, path.time);
-        work.side_lights.push((!hidden).then_some(LightBeside::default()));
+        work.side_lights
+            .push((!hidden).then_some(LightBeside::default()));
         let at = [false, true].map(|on_plus| beside(lists, approach, &hit, on_plus, path.time));
         work.besides.push(at);
         if hidden {

@@ -17,8 +17,8 @@ use crate::model::edge_weight::Query;
 use crate::model::jumps::{SEARCH_SETS, counts_of, mean_searches, most_searches};
 use crate::sampling::{Dimensions, Stream};
 use crate::trace::{
-    Approach, EdgeView, Jump, OF_EDGES, OF_SIDES, Observer, Point, Search, edge_point, edge_view, jump_at,
-    looks_for_edges, reflected_backward, sampler, search, shadow_backward,
+    Approach, EdgeView, Jump, OF_EDGES, OF_SIDES, Observer, Point, Search, edge_point, edge_view,
+    jump_at, looks_for_edges, reflected_backward, sampler, search, shadow_backward,
 };
 
 /// A jump at an edge that the point of a lane sees.

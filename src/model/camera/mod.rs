@@ -280,7 +280,7 @@ impl Camera {
         } else {
             let d = point - ray.origin;
             let r = self.local(d);
-            let by_depth = self.dual.z * (-3.0 * g / r.z);
+            let by_depth = self.dual.z * (-3.0f32 * g / r.z);
             gradient.across -= by_depth * r.x;
             gradient.upward -= by_depth * r.y;
             gradient.forward -= by_depth * r.z;

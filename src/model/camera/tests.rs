@@ -86,6 +86,18 @@ fn derivatives() {
         c.ray_backward(&ray, v2(13.5, 28.5), g_o, g_d, &mut by_ray);
         let mut by_film = CameraGradient::default();
         c.project_backward(p, 0.4, -0.6, g, &mut by_film);
+        // The logarithm of the area on the film of a triangle about a point of a ray, per its own area.
+        let point = ray.origin + ray.direction * 3.0;
+        let normal = v3(0.3, 0.2, 1.0).normalize();
+        let (side, side2) = (normal.cross(V3::AXES[0]), normal.cross(V3::AXES[1]));
+        let of_area = |c: &Camera| {
+            let c = c.inverted();
+            let along = |side: V3| c.project_along(point, side, 0.4, -0.6);
+            let (a, b) = (along(side), along(side2));
+            f64::from((a.x * b.y - a.y * b.x).abs().ln())
+        };
+        let mut by_area = CameraGradient::default();
+        c.area_backward(&ray, point, normal, 1.0, &mut by_area);
         type Number = (fn(&mut Camera) -> &mut f32, fn(&CameraGradient) -> f32);
         let numbers: [Number; 12] = [
             (|c| &mut c.eye.x, |g| g.eye.x),
@@ -108,6 +120,7 @@ fn derivatives() {
             }
             for (name, f, by) in [
                 ("ray", &of_ray as &dyn Fn(&Camera) -> f64, &by_ray),
+                ("area", &of_area, &by_area),
                 ("film", &of_film, &by_film),
             ] {
                 let h = 3e-3;
