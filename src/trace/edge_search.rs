@@ -159,7 +159,11 @@ pub(crate) fn search(
         if s.is_made {
             let found: LobeSearch = of_lobe(&shading, x, time, drawn.x / rate, tangent);
             s.query = found.query;
+            // Rays of the last bounce end at surfaces.
             s.follows = scene.follows_from(&shading);
+            if o.bounce >= scene.bounces {
+                s.follows = false;
+            }
             if comptime!(scene.features.glossy) && s.follows {
                 s.query.following = scene.settings[FOLLOWING];
             }
