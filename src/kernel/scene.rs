@@ -15,8 +15,8 @@ use crate::model::texture::{Color, Texels, Texture};
 use crate::model::triangle::{AREA, Triangle, triangle_at};
 use crate::sampling::{Emitter, EmitterGroup, EmitterSampling, Emitters};
 use crate::scene::{
-    CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, LightPart, MaterialKind,
-    SceneFrame,
+    BsdfKind, CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, LightPart,
+    MaterialKind, SceneFrame,
 };
 use crate::trace::{
     COMPENSATED, EMITS, Features, GLOSSY, GLOWS, MATERIAL, MODEL, NONE, REFLECTS, Scene,
@@ -343,6 +343,11 @@ pub(crate) struct Material {
 impl Material {
     pub fn is_textured(&self) -> bool {
         self.normal_map.is_some() || self.channels.iter().any(|c| c.texture.is_some())
+    }
+
+    /// Whether bounces may follow it ([`Scene::is_followed`]).
+    pub fn is_followed(&self) -> bool {
+        self.kind.glossy || self.kind.bsdf != BsdfKind::Phong
     }
 
     /// Returns the flags of the material and the words of its textures: those of its channels and its normal map.

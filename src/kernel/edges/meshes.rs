@@ -9,11 +9,14 @@ use crate::geometry::Weld;
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
 use crate::model::triangle::{self, AREA};
-use crate::scene::{BsdfKind, HostObject};
+use crate::scene::HostObject;
 use crate::trace::{NONE, NORMAL_ROWS, UV_ROWS};
 
 /// The jump of colors at a crease, divided by the difference of its normals (approximate).
 const CREASE: f32 = 0.5;
+/// The jump at a crease of glossy faces, divided by the root of the difference of its normals (approximate): few paths on
+/// both sides reach different light, but then it differs much.
+const IN_GLOSS: f32 = 0.6;
 /// The same for the difference of geometric normals under one shading normal.
 const SMOOTH: f32 = 0.25;
 /// Normals that differ by less count as equal.
@@ -164,10 +167,7 @@ impl MeshEdges {
             let i = jumping[i] as usize;
             let kind = kinds[i].unwrap_or(BORDER);
             let edge = self.edge(scene, &self.groups[i], kind);
-            let glossy = |&k: &u32| {
-                let kind = &scene.material(k).kind;
-                kind.glossy || kind.bsdf != BsdfKind::Phong
-            };
+            let glossy = |&k: &u32| scene.material(k).is_followed();
             Edge {
                 object: object as u32,
                 closed,
@@ -243,7 +243,8 @@ fn crease(
         p.iter().zip(q).map(square).sum::<f32>().sqrt()
     };
     // Geometric normals matter where light arrives near the horizon.
-    let mut jump: f32 = SMOOTH * (geometric[0] - geometric[1]).length();
+    let mut bend: f32 = SMOOTH * (geometric[0] - geometric[1]).length();
+    let mut colors_apart: f32 = 0.0;
     for (c, c2) in ends.into_iter().zip(ends2) {
         let normal = |words: &[u32], c: usize, geometric: V3| match words[NORMAL_ROWS as usize + c]
         {
@@ -251,7 +252,7 @@ fn crease(
             row => V3::from(lists.normals[row as usize]).normalize(),
         };
         let between = normal(words, c, geometric[0]) - normal(words2, c2, geometric[1]);
-        jump = jump.max(between.length());
+        bend = bend.max(between.length());
         if textured {
             let at = |words: &[u32], c: usize| match words[UV_ROWS as usize + c] {
                 NONE => [0.0; 2],
@@ -262,16 +263,20 @@ fn crease(
             }
         }
         let colors = [(k, c), (k2, c2)].map(|(k, c)| lists.colors.at(k, c).unwrap_or([1.0; 3]));
-        jump = jump.max(distance(&colors[0], &colors[1]) / CREASE);
+        colors_apart = colors_apart.max(distance(&colors[0], &colors[1]));
         if material.normal_map.is_some() {
             let tangents = [(k, c), (k2, c2)].map(|(k, c)| lists.tangents.at(k, c));
             let [p, q] = tangents.map(Option::unwrap_or_default);
-            jump = jump.max(distance(&p[..3], &q[..3]));
+            bend = bend.max(distance(&p[..3], &q[..3]));
         }
     }
-    if jump < FLAT {
-        0.0
-    } else {
-        (CREASE * jump).min(1.0)
+    if bend.max(colors_apart / CREASE) < FLAT {
+        return 0.0;
     }
+    let of_normals = if material.is_followed() {
+        IN_GLOSS * bend.sqrt()
+    } else {
+        CREASE * bend
+    };
+    of_normals.max(colors_apart).min(1.0)
 }
