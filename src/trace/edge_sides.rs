@@ -69,8 +69,12 @@ impl LightBeside {
                 scene.left_at(triangle, weights, normal, distance, direction, a.on_film);
             let share = (1.0 - left.part) * sign;
             let mut followed = Seen::default();
-            followed.add(light, share);
-            followed.radiance -= scene.everywhere() * share;
+            followed.radiance = (light.radiance - scene.everywhere()) * share;
+            if a.on_film {
+                followed.opacity = light.opacity * share;
+                followed.depth = light.depth * share;
+                followed.normal = light.normal * share;
+            }
             let p = a.point;
             if p.faces.contains(at.triangle) && !p.crossing {
                 self.jump.add(&followed, -1.0);

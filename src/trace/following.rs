@@ -51,11 +51,12 @@ impl<'a> Scene<'a> {
         follows
     }
 
-    /// Returns whether camera rays may follow the material. A filter without a slope cannot move.
+    /// Returns whether camera rays may follow the material. A filter without a slope cannot move, and the widths of cones
+    /// may depend on the camera.
     #[inline(always)]
     pub fn follows_on_film(&self) -> bool {
         let mut follows = false;
-        if comptime!(self.features.smooth && self.features.glossy) {
+        if comptime!(self.features.smooth && self.features.glossy && !self.features.cones) {
             follows = self.settings[FOLLOWING] >= 0.0 && self.settings[FILTER] > 0.0;
         }
         follows
