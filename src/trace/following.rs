@@ -65,7 +65,7 @@ impl<'a> Scene<'a> {
     /// Returns whether bounces follow all faces of a material: at creases of glossy faces, light has much noise.
     #[inline(always)]
     pub fn is_followed(&self, material: u32) -> bool {
-        self.bits_of(material) & (GLOSSY | 7 * MODEL) != 0
+        self.bits_of(material) & (GLOSSY | (7 * MODEL)) != 0
     }
 
     /// Returns the radiance of a constant environment, otherwise 0.
