@@ -280,6 +280,8 @@ pub(super) fn without_backtrace(error: impl ToString) -> String {
 mod tests {
     use super::*;
 
+    /// Only the caller knows what the driver can do, so that without the variable there is nothing to compare with. CI runs
+    /// it with `--ignored`, for one driver of each kind.
     #[test]
     #[ignore = "SOFTRAY_SUMS has to say how many bits of a sum kernels for the device add to at once"]
     fn sums_of_64_bits_where_a_device_adds_them() {

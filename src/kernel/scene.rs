@@ -15,11 +15,11 @@ use crate::model::texture::{Color, Texels, Texture};
 use crate::model::triangle::{AREA, Triangle, triangle_at};
 use crate::sampling::{Emitter, EmitterGroup, EmitterSampling, Emitters};
 use crate::scene::{
-    BsdfKind, CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, LightPart,
-    MaterialKind, SceneFrame,
+    CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, LightPart, MaterialKind,
+    SceneFrame,
 };
 use crate::trace::{
-    COMPENSATED, EMITS, Features, GLOSSY, GLOWS, MATERIAL, MODEL, NONE, REFLECTS, Scene,
+    COMPENSATED, EMITS, FOLLOWED, Features, GLOSSY, GLOWS, MATERIAL, MODEL, NONE, REFLECTS, Scene,
 };
 
 /// A scene as kernels trace it.
@@ -347,20 +347,25 @@ impl Material {
 
     /// Whether bounces may follow it ([`Scene::is_followed`]).
     pub fn is_followed(&self) -> bool {
-        self.kind.glossy || self.kind.bsdf != BsdfKind::Phong
+        self.bits() & FOLLOWED != 0
     }
 
-    /// Returns the flags of the material and the words of its textures: those of its channels and its normal map.
-    fn words(&self) -> [u32; MATERIAL as usize] {
+    /// Returns the flags of the material and the number of its BSDF.
+    fn bits(&self) -> u32 {
         let kind = &self.kind;
         let bit = |is: bool, bit: u32| if is { bit } else { 0 };
-        let mut words = [NONE; MATERIAL as usize];
-        words[0] = bit(kind.emits, EMITS)
+        bit(kind.emits, EMITS)
             | bit(kind.reflects, REFLECTS)
             | bit(kind.glossy, GLOSSY)
             | bit(kind.compensated, COMPENSATED)
             | bit(kind.glows, GLOWS)
-            | (MODEL * kind.bsdf as u32);
+            | (MODEL * kind.bsdf as u32)
+    }
+
+    /// Returns the flags of the material and the words of its textures: those of its channels and its normal map.
+    fn words(&self) -> [u32; MATERIAL as usize] {
+        let mut words = [NONE; MATERIAL as usize];
+        words[0] = self.bits();
         let textures = self.channels.iter().map(|c| c.texture);
         let textures = textures.chain([self.normal_map]);
         for (to, texture) in words[1..].chunks_exact_mut(4).zip(textures) {

@@ -164,7 +164,7 @@ impl View {
         let mut settings = self.camera.numbers().to_vec();
         let clamp = self.settings.clamp.unwrap_or(f32::INFINITY);
         let following = match (&self.edge_sets, self.settings.interior) {
-            (Some(sets), true) => sets.following(),
+            (Some(sets), true) => sets.following,
             _ => -1.0,
         };
         let moves = self.camera.filter > 0.0;

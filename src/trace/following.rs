@@ -17,7 +17,7 @@ use super::parts::{AREAS, TRIANGLES};
 use super::pixel::Seen;
 #[cfg(feature = "gpu")]
 use super::scene::SceneExpand;
-use super::scene::{FILTER, FOLLOWING, GLOSSY, MODEL, Scene};
+use super::scene::{FILTER, FOLLOWED, FOLLOWING, Scene};
 use super::seen::emitted;
 use super::sums::{Sums, add_to_camera};
 use super::surface::{Point, RayGradient};
@@ -65,7 +65,7 @@ impl<'a> Scene<'a> {
     /// Returns whether bounces follow all faces of a material: at creases of glossy faces, light has much noise.
     #[inline(always)]
     pub fn is_followed(&self, material: u32) -> bool {
-        self.bits_of(material) & (GLOSSY | (7 * MODEL)) != 0
+        self.bits_of(material) & FOLLOWED != 0
     }
 
     /// Returns the radiance of a constant environment, otherwise 0.

@@ -61,8 +61,9 @@ pub(crate) fn edge_view(scene: &Scene, o: &Observer, s: &Search, p: EdgePoint) -
             reflected = select_vector(s.lobe.holds(axis), reflected, splat(0.0));
         }
     }
-    let rests = s.of_resting && scene.edge_moves(p.edge / OF_EDGE as u32);
-    past = select(reflected.is_zero() || rests, first, past);
+    // Other searches draw the edges that move.
+    let others = s.of_resting && scene.edge_moves(p.edge / OF_EDGE as u32);
+    past = select(reflected.is_zero() || others, first, past);
     EdgeView {
         point: p,
         view,

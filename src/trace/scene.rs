@@ -263,6 +263,8 @@ pub(crate) const REFLECTS: u32 = 2;
 pub(crate) const GLOSSY: u32 = 4;
 pub(crate) const COMPENSATED: u32 = 8;
 pub(crate) const MODEL: u32 = 16;
+/// The bits of which a material that bounces follow has any: it is glossy, or of another BSDF than Phong's.
+pub(crate) const FOLLOWED: u32 = GLOSSY | (7 * MODEL);
 pub(crate) const GLOWS: u32 = 8 * MODEL;
 
 /// Settings of a view: the camera, the tangent of the half-angle of cones, scene units per unit of the lists, the limit

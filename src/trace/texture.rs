@@ -169,10 +169,7 @@ pub(crate) fn map_of(scene: &Scene) -> Map {
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn sky(scene: &Scene, direction: V3) -> V3 {
-    let mut radiance = splat(0.0);
-    if comptime!(scene.features.sky_constant) {
-        radiance = vector(scene.sky, 0u32);
-    }
+    let mut radiance = scene.everywhere();
     if comptime!(scene.features.sky_map) {
         radiance = radiance_of_map(map_of(scene), scene.sky, direction);
     }

@@ -183,6 +183,24 @@ impl Edges {
         }
     }
 
+    /// Returns 1 over the distance at which directions follow glossy faces by half: a multiple of the mean length of their
+    /// creases, each of which counts as much as it may jump. It is 0 without creases.
+    fn following(&self) -> f32 {
+        let is_followed = |i: &usize| self.kinds[*i] & FOLLOWED != 0;
+        let (mut creases, mut lengths) = (0.0, 0.0);
+        // In order, so that the sums repeat to the bit.
+        for i in (0..self.count).filter(is_followed) {
+            let crease = f64::from(self.creases[i]);
+            creases += crease;
+            lengths += crease * f64::from(V3::from(self.flat[i][1]).length());
+        }
+        if lengths > 0.0 {
+            (creases / (FOLLOWED_BY_HALF * lengths)) as f32
+        } else {
+            0.0
+        }
+    }
+
     /// Returns an identifier of an edge of a mesh: its first face, and the vertex row at which the edge begins.
     fn name(&self, i: u32) -> [u32; 2] {
         let words = &self.words[i as usize];
@@ -197,6 +215,8 @@ pub(crate) struct EdgeSets {
     pub(super) edges: Edges,
     tree: EdgeTree,
     moving: Moving,
+    /// 1 over the distance at which directions follow glossy faces by half; 0 without creases of such faces.
+    pub(in crate::kernel) following: f32,
 }
 
 /// Where the tree over the moving edges is stored.
@@ -279,6 +299,7 @@ impl EdgeSets {
         };
         let sets = Arc::new(Self {
             version: scene.hierarchy.version(),
+            following: edges.following(),
             tree,
             moving,
             edges,
@@ -286,25 +307,6 @@ impl EdgeSets {
         kept.last = Some(sets.clone());
         *lock() = kept;
         sets
-    }
-
-    /// Returns 1 over the distance at which directions follow glossy faces by half: a multiple of the mean length of their
-    /// creases, each of which counts as much as it may jump. It is 0 without creases.
-    pub fn following(&self) -> f32 {
-        let edges = (0..self.edges.count).into_par_iter();
-        let of_edge = |i: usize| {
-            let followed = self.edges.kinds[i] & FOLLOWED != 0;
-            let crease = if followed { self.edges.creases[i] } else { 0.0 };
-            let [_, along] = self.edges.flat[i].map(V3::from);
-            [crease, crease * along.length()].map(f64::from)
-        };
-        let sums = edges.map(of_edge);
-        let [creases, lengths] = sums.reduce(|| [0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
-        if lengths > 0.0 {
-            (creases / (FOLLOWED_BY_HALF * lengths)) as f32
-        } else {
-            0.0
-        }
     }
 
     /// Adds the edges to the lists of a view.

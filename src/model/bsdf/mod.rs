@@ -162,13 +162,9 @@ impl Shading {
     /// Returns the derivative of log cos θ with respect to the outgoing direction.
     #[inline(always)]
     pub fn by_log_cosine(&self, outgoing: V3) -> V3 {
-        let shaded = self.normal.dot(outgoing);
-        let horizon = self.geometric.dot(outgoing);
-        let mut by_outgoing = self.normal * (1.0 / max(shaded, IMPOSSIBLE));
-        if shaded > HORIZON * horizon {
-            by_outgoing = self.geometric * (1.0 / max(horizon, IMPOSSIBLE));
-        }
-        by_outgoing
+        let per_cosine = 1.0 / max(self.cosine(outgoing), IMPOSSIBLE);
+        let mut unused = ShadingGradient::default();
+        self.cosine_backward(outgoing, per_cosine, &mut unused)
     }
 
     /// Adds the derivatives of g·cos θ where it is not 0, and returns the one with respect to the outgoing direction.

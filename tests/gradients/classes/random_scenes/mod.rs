@@ -83,7 +83,7 @@ const COMMON: [&str; 6] = [
     "camera: target",
 ];
 
-/// Some of the parameters of a scene, the seldom ones three times as often as others.
+/// Some of the parameters of a scene, rather those that few scenes have.
 fn choose(scene: &RandomScene, seed: u64) -> Vec<&str> {
     let numbers = scene.numbers.iter().filter(|n| n.differentiable);
     let names: Vec<&str> = numbers.map(|n| n.name()).collect();
