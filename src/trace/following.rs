@@ -21,7 +21,7 @@ use super::scene::{FILTER, FOLLOWED, FOLLOWING, Scene};
 use super::seen::emitted;
 use super::sums::{Sums, add_to_camera};
 use super::surface::{Point, RayGradient};
-use crate::model::bsdf::Shading;
+use crate::model::bsdf::{Shading, Turning};
 use crate::model::camera::{Camera, CameraGradient, CameraRay};
 use crate::model::edge_weight::left_of_crease;
 use crate::model::filter::filter_slope;
@@ -49,6 +49,16 @@ impl<'a> Scene<'a> {
             follows = self.settings[FOLLOWING] >= 0.0 && shading.scatters_evenly();
         }
         follows
+    }
+
+    /// Returns how much a direction turns that is sampled at a point.
+    #[inline(always)]
+    pub fn turning(&self, shading: &Shading, direction: V3, of_gloss: bool) -> Turning {
+        let mut turning = Turning::freely();
+        if comptime!(!self.features.cones) && self.settings[FOLLOWING] >= 0.0 {
+            turning = shading.turning(direction, of_gloss);
+        }
+        turning
     }
 
     /// Returns whether camera rays may follow the material. A filter without a slope cannot move, and the widths of cones

@@ -335,7 +335,8 @@ pub(crate) fn reflected_backward(
     if is_nonzero(turns) {
         // Directions turn with the frame of the lobe.
         let drawn = shading.as_drawn(e.axis, s.of_gloss);
-        shading.direction_backward(&drawn, by_axis * turns, &mut by.shading);
+        let part = scene.turning(&shading, e.axis, s.of_gloss).part;
+        shading.direction_backward(&drawn, by_axis * (turns * part), &mut by.shading);
     }
     if comptime!(scene.features.gathers_map) && light.jump.opacity != 0.0 {
         // Directions to a map are fixed.

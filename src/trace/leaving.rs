@@ -6,7 +6,7 @@ use super::scene::{CONE, Scene};
 use super::sums::Sums;
 use super::surface::{Point, PointGradient, RayGradient};
 use super::texture::{sky, sky_backward};
-use crate::model::bsdf::Scatter;
+use crate::model::bsdf::{Scatter, Turning};
 use crate::model::choice::survival;
 use crate::model::cone::{Bend, bend, bend_backward, lifted};
 use crate::model::{V3, splat};
@@ -108,7 +108,7 @@ pub(crate) fn leave_backward(
         &mut by.geometric,
     );
     let by_weight = by_survivor.times(throughput);
-    p.shading
-        .sample_backward(scatter, by_weight, by_axis, &mut by.shading);
+    let turning: Turning = scene.turning(&p.shading, scatter.direction, scatter.of_gloss);
+    (p.shading).sample_backward(scatter, by_weight, by_axis, &turning, &mut by.shading);
     by_survivor.times(scatter.weight)
 }

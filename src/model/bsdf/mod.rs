@@ -30,7 +30,7 @@ pub(crate) use glass_albedo::given_back;
 pub(crate) use lobe::Lobe;
 use models::models;
 pub(crate) use reflectance::DIELECTRIC_F0;
-pub(crate) use refraction::UPRIGHT;
+pub(crate) use refraction::{Turning, UPRIGHT};
 pub(crate) use sample::Scatter;
 
 models! {

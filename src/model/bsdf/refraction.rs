@@ -5,12 +5,34 @@
 use super::ShadingExpand;
 use super::facets::{Facets, FacetsGradient};
 use super::fresnel::dielectric;
-use super::{IMPOSSIBLE, Scatter, Shading, ShadingGradient};
+use super::{IMPOSSIBLE, Scatter, Shading, ShadingGradient, is};
 use crate::cube::*;
 use crate::model::{V3, select_vector, splat};
 
 /// The refraction factor for facets with n·h near 0 is min(1, this times n·h).
 pub(crate) const UPRIGHT: f32 = 64.0;
+
+/// The sine of the angle between a refracted direction and its facet's plane below which the direction is held in part.
+const GRAZING: f32 = 0.3;
+
+/// The part of its velocity with which a sampled direction turns at fixed random numbers, and the derivative of this part
+/// with respect to the direction.
+#[apply(record!)]
+pub(crate) struct Turning {
+    pub part: f32,
+    pub by_direction: V3,
+}
+
+#[cfg_attr(feature = "gpu", cube)]
+impl Turning {
+    #[inline(always)]
+    pub fn freely() -> Turning {
+        Turning {
+            part: 1.0f32.runtime(),
+            by_direction: splat(0.0),
+        }
+    }
+}
 
 /// The facet that turns the view into a direction, above or below the surface.
 #[apply(record!)]
@@ -138,6 +160,30 @@ impl Shading {
         let by_half = g * (c * inverse - passed) + f.view * by_c;
         f.draw_backward(drawn.u, drawn.v, by_half, &mut by);
         self.add_facets(&f, &by, gradient);
+    }
+
+    /// Returns how much a sampled direction turns. A direction that is refracted along its facet is held: near the critical
+    /// angle it turns infinitely fast, and so does the transmitted fraction change.
+    #[inline(always)]
+    pub fn turning(&self, direction: V3, of_gloss: bool) -> Turning {
+        let mut found = Turning::freely();
+        let refracts = !of_gloss && is::dielectric(self);
+        if comptime!(self.models.dielectric) && refracts {
+            let half = self.half_of(&self.facets_about(self.normal), direction, false);
+            let per_length = 1.0 / max(half.length(), IMPOSSIBLE);
+            let half = half * per_length;
+            let sine = max(-direction.dot(half), 0.0) * (1.0 / GRAZING);
+            let square = sine * sine;
+            if square < 1.0 {
+                found.part = square * (2.0 - square);
+                // H = ± (v + η l) with v·h ≥ 0, so that η l·h = ± |H| − v·h.
+                let by_sine = (1.0 - square) * sine * (4.0f32 / GRAZING);
+                let side = select(self.eta() < 1.0, 1.0f32, -1.0f32);
+                let across = direction.reject_from_normalized(half);
+                found.by_direction = (half + across * (side * self.eta() * per_length)) * -by_sine;
+            }
+        }
+        found
     }
 
     /// Returns a vector along the half vector of the facet that turns the view into a direction; `of_gloss` is true

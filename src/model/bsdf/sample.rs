@@ -2,6 +2,7 @@
 
 #[cfg(feature = "gpu")]
 use super::ShadingExpand;
+use super::refraction::Turning;
 use super::{IMPOSSIBLE, Shading, ShadingGradient};
 use crate::cube::*;
 use crate::model::frame::{sin_cos_of_turns, to_local};
@@ -72,17 +73,21 @@ impl Shading {
 
     /// Adds the derivatives of g·weight + by_direction·direction of a sampled direction. With respect to the parameters of
     /// the specular lobe, they are those of f·cos θ at a fixed direction and density (detached sampling: Zeltner et al.
-    /// 2021, *Monte Carlo estimators for differential light transport*), so that no edge moves with these parameters.
+    /// 2021, *Monte Carlo estimators for differential light transport*), so that no edge moves with these parameters. With
+    /// respect to the normals and the view, they are mixed of both: the direction turns by `turning`.
     #[inline(always)]
     pub fn sample_backward(
         &self,
         s: &Scatter,
         g: V3,
         by_direction: V3,
+        turning: &Turning,
         gradient: &mut ShadingGradient,
     ) {
+        let part = turning.part;
         let mut own = ShadingGradient::default();
-        let by_drawn = by_direction + self.weight_backward(s, g, &mut own);
+        let mut by_drawn = by_direction * part + self.weight_backward(s, g * part, &mut own);
+        by_drawn += turning.by_direction * g.dot(s.weight);
         self.direction_backward(s, by_drawn, &mut own);
         let mut fixed = ShadingGradient::default();
         if !self.scatters_evenly() && !s.weight.is_zero() {
@@ -91,10 +96,11 @@ impl Shading {
                 self.evaluate_backward(s.direction, g * (1.0 / density), &mut fixed);
             }
         }
-        gradient.geometric += own.geometric;
-        gradient.normal += own.normal;
-        gradient.incoming += own.incoming;
-        gradient.diffuse += own.diffuse;
+        let held = 1.0 - part;
+        gradient.geometric += own.geometric + fixed.geometric * held;
+        gradient.normal += own.normal + fixed.normal * held;
+        gradient.incoming += own.incoming + fixed.incoming * held;
+        gradient.diffuse += own.diffuse + fixed.diffuse * held;
         gradient.specular += fixed.specular;
         gradient.exponent += fixed.exponent;
     }
