@@ -69,7 +69,8 @@ impl LightBeside {
                 scene.left_at(triangle, weights, normal, distance, direction, a.on_film);
             let share = (1.0 - left.part) * sign;
             let mut followed = Seen::default();
-            followed.radiance = (light.radiance - scene.everywhere()) * share;
+            let expected = scene.expected(scene.material_of(at.triangle));
+            followed.radiance = (light.radiance - expected) * share;
             if a.on_film {
                 followed.opacity = light.opacity * share;
                 followed.depth = light.depth * share;

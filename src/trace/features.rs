@@ -42,6 +42,12 @@ pub(crate) struct Features {
 }
 
 impl Features {
+    /// Returns whether camera rays follow any material in derivatives.
+    pub fn follows_on_film(&self) -> bool {
+        let follows = self.smooth || self.models.dielectric;
+        self.glossy && follows && !self.cones
+    }
+
     /// Returns whether all points have their triangle's normal and a constant diffuse material.
     pub fn plain_points(&self) -> bool {
         !(self.smooth || self.tilted || self.textured || self.tinted || self.glossy)

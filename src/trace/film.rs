@@ -119,7 +119,7 @@ impl FilmPoint {
         let jump = g.jump(&light.jump);
         let mut largest = 0.0f32;
         let mut spreads = jump;
-        if comptime!(scene.features.smooth && scene.features.glossy) {
+        if comptime!(scene.features.follows_on_film()) {
             let mut side = 0u32;
             while side < 2 {
                 let mut on = light.minus;

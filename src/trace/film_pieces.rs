@@ -72,13 +72,16 @@ fn jump_on_film(scene: &Scene, c: &Camera, edge: u32, start: V3, moved: f32) -> 
         if least > slack && front * back > 0.0 {
             let hidden = kind & CLOSED != 0 && front < 0.0;
             jump = select(hidden, 0.0, scene.creases[edge as usize]);
-            if comptime!(scene.features.smooth && scene.features.glossy) {
+            if comptime!(scene.features.follows_on_film()) {
                 let rests = scene.settings[RESTING] < 1.0 && !scene.edge_moves(edge);
-                jump = select(rests, 0.0, jump);
+                let carried = scene.is_carried(scene.of_edges[faces])
+                    && scene.is_carried(scene.of_edges[faces + 1]);
+                let still = rests || (carried && scene.follows_on_film());
+                jump = select(still, 0.0, jump);
             }
         }
     }
-    if comptime!(scene.features.smooth && scene.features.glossy) {
+    if comptime!(scene.features.follows_on_film()) {
         jump *= select(scene.edge_moves(edge), 1.0, scene.settings[RESTING]);
     }
     jump

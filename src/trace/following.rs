@@ -7,8 +7,9 @@
 //! surface is seen at a grazing angle; but ∇·(F V) has noise in proportion to F. So V = V₀ + (1 − u)(v − V₀), where u is
 //! the part that is left of V₀ ([`Scene::left_at`]).
 //!
-//! ∇·(F v) contains the derivative of the solid angle, or of the area on the film, in which the material is seen. Where
-//! the environment is constant, F without it is taken: the rest, a constant, has a derivative of 0.
+//! ∇·(F v) contains the derivative of the solid angle, or of the area on the film, in which the material is seen. F is taken
+//! without a constant for each material ([`Scene::expected`]). The rest, an integral of a constant over what is seen, changes
+//! only at edges, which take the same constant off.
 
 use crate::cube::*;
 
@@ -27,9 +28,10 @@ use crate::model::edge_weight::left_of_crease;
 use crate::model::filter::filter_slope;
 use crate::model::lists::vector;
 use crate::model::{V2, V3, splat, v2};
+use crate::scene::BsdfKind;
 
 /// The cosine below which rays follow smooth surfaces: all of them at 0.
-const GRAZING: f32 = 0.5;
+const GRAZING: f32 = 0.8;
 
 /// The part of a ray's motion that is left where it follows the material, and its derivatives with respect to the ray.
 #[apply(record!)]
@@ -66,7 +68,7 @@ impl<'a> Scene<'a> {
     #[inline(always)]
     pub fn follows_on_film(&self) -> bool {
         let mut follows = false;
-        if comptime!(self.features.smooth && self.features.glossy && !self.features.cones) {
+        if comptime!(self.features.follows_on_film()) {
             follows = self.settings[FOLLOWING] >= 0.0 && self.settings[FILTER] > 0.0;
         }
         follows
@@ -88,6 +90,35 @@ impl<'a> Scene<'a> {
         radiance
     }
 
+    /// Returns whether all camera rays to a triangle follow it: a flat face of glass. What is seen through it would pass by
+    /// at 1/cos θ times its speed, with all edges behind it.
+    #[inline(always)]
+    pub fn is_carried(&self, triangle: u32) -> bool {
+        let mut carried = false;
+        if comptime!(self.features.models.dielectric) {
+            let model = self.model_of(self.material_of(triangle));
+            let refracts = model == const { BsdfKind::Dielectric as u32 };
+            carried = refracts && !self.normal_rows(triangle).exist();
+        }
+        carried
+    }
+
+    /// Returns a constant that is about the light of a material: the radiance of a constant environment times its color.
+    #[inline(always)]
+    pub fn expected(&self, material: u32) -> V3 {
+        let mut color = splat(1.0);
+        if comptime!(self.features.sky_constant) {
+            let model = self.model_of(material);
+            if model != const { BsdfKind::Conductor as u32 } {
+                color = self.constant_of(material, 0u32);
+            }
+            if model == const { BsdfKind::Phong as u32 } {
+                color += self.constant_of(material, 1u32);
+            }
+        }
+        self.everywhere().times(color)
+    }
+
     /// Returns how much is left of the motion of a ray that reaches a point of a triangle, seen from its side
     /// `geometric`. It falls with the distance from glossy faces, unless the ray comes from the camera, and with the
     /// cosine to smooth normals.
@@ -105,7 +136,9 @@ impl<'a> Scene<'a> {
         let mut part = 1.0f32;
         let mut by_ray = RayGradient::default();
         let followed = self.is_followed(self.material_of(triangle));
-        if followed && !on_film {
+        if followed && on_film {
+            part = select(self.is_carried(triangle), 0.0, 1.0);
+        } else if followed {
             part = left_of_crease(distance, self.settings[FOLLOWING]);
             // The derivative with respect to log r is −4 u (1 − u).
             let slope = 4.0 * part * (1.0 - part);
@@ -184,7 +217,8 @@ pub(crate) fn follow_backward(
         let left: Left = scene.left_at(y.triangle, y.weights, normal, r, direction, false);
         let share = 1.0 - left.part;
         if share > 0.0 {
-            let light = throughput.dot(by_throughput - g.times(scene.everywhere()));
+            let of_y = scene.material_of(y.triangle);
+            let light = throughput.dot(by_throughput - g.times(scene.expected(of_y)));
             let counts = share * light;
             let by_cosine = x.shading.by_log_cosine(direction) * counts;
             let by_way = by.direction * share + by_cosine - left.by_ray.direction * light;
@@ -218,13 +252,14 @@ pub(crate) fn follow_on_film(
     by_ray: &RayGradient,
 ) {
     let follows = scene.follows_on_film();
-    if comptime!(scene.features.smooth && (sums.of.objects || sums.of.camera)) && follows {
+    let of = comptime!(scene.features.follows_on_film() && (sums.of.objects || sums.of.camera));
+    if of && follows {
         let (direction, normal) = (ray.direction, y.shading.geometric);
         let left: Left = scene.left_at(y.triangle, y.weights, normal, y.distance, direction, true);
         let share = 1.0 - left.part;
         if share > 0.0 {
             let seen = Seen {
-                radiance: emitted(scene, y) - scene.everywhere(),
+                radiance: emitted(scene, y) - scene.expected(scene.material_of(y.triangle)),
                 opacity: 1.0f32.runtime(),
                 depth: y.distance,
                 normal,

@@ -307,6 +307,12 @@ impl<'a> Scene<'a> {
         self.of_materials[(MATERIAL * material) as usize]
     }
 
+    /// Returns the number of the BSDF of a material.
+    #[inline(always)]
+    pub fn model_of(&self, material: u32) -> u32 {
+        (self.bits_of(material) / MODEL) % 8
+    }
+
     /// Returns the displacement of a triangle at a shutter time.
     #[inline(always)]
     pub fn shift(&self, triangle: u32, time: f32) -> V3 {

@@ -115,7 +115,7 @@ fn derivatives_of_samples() {
                 g.dot(found.weight) * scale + by_direction.dot(found.direction)
             };
             let mut found = ShadingGradient::default();
-            s.sample_backward(&drawn, g, by_direction, &mut found);
+            s.sample_backward(&drawn, g, by_direction, &Turning::freely(), &mut found);
             // Colors change the probability of the specular lobe, except on a diffuse surface.
             let color = |i: usize| (8..11).contains(&i) || i == 12;
             let matters = |i: usize| match (s.models.has_others(), s.glossy) {
@@ -144,4 +144,46 @@ fn directions_as_if_drawn() {
             assert!((a - b).length() < 2e-3, "{s:?}: {a:?} {b:?}");
         }
     }
+}
+
+/// Glass holds directions that leave it near the critical angle, and no others; the derivative of how much they turn.
+#[test]
+fn directions_held_near_the_critical_angle() {
+    let glass = surfaces().into_iter().find(|s| s.model == DIELECTRIC);
+    let glass = glass.expect("glass");
+    let (mut held, mut free) = (0, 0);
+    for (incoming, u, v) in (0..400).map(|k| {
+        let [a, b, c] = [0.618, 0.755, 0.570].map(|by| (k as f32 * by).fract());
+        (v3(a, 0.3 * b, -1.0 + 0.3 * c).normalize(), b, c)
+    }) {
+        for inside in [false, true] {
+            let s = Shading {
+                geometric: v3(0.0, 0.0, 1.0),
+                normal: v3(0.0, 0.0, 1.0),
+                incoming,
+                inside,
+                ..glass
+            };
+            let drawn = s.sample(u, v, 0.999);
+            if drawn.weight.is_zero() || drawn.of_gloss {
+                continue;
+            }
+            let at = drawn.direction;
+            let turning = s.turning(at, false);
+            if turning.part == 1.0 {
+                free += 1;
+                continue;
+            }
+            held += 1;
+            assert!(inside, "{s:?}");
+            for across in [at.cross(V3::AXES[0]), at.cross(V3::AXES[1])] {
+                let moved = |h: f32| s.turning((at + across * h).normalize(), false).part;
+                let wanted = (moved(1e-3) - moved(-1e-3)) / 2e-3;
+                let found = turning.by_direction.dot(across);
+                let close = (found - wanted).abs() < 0.02 * wanted.abs().max(1.0);
+                assert!(close, "{s:?}: {found} {wanted}");
+            }
+        }
+    }
+    assert!(held > 20 && free > 20, "{held} {free}");
 }
