@@ -160,6 +160,16 @@ impl View {
         of.edge_room = if of.jumps { ROOM } else { 1 };
     }
 
+    /// Returns whether any material that camera rays may follow has derivatives, or the camera.
+    fn sees_followed_move(&self) -> bool {
+        let mut triangles = self.scene.lists.triangles.iter();
+        let moves = |words: &[u32; TRIANGLE as usize]| {
+            let (material, object) = (words[0] as usize, words[1] as usize);
+            self.wanted.objects[object] != 0 && self.scene.materials[material].is_followed()
+        };
+        self.wanted.of.camera || (self.features.follows_on_film() && triangles.any(moves))
+    }
+
     fn flat(&self) -> Flat {
         let mut settings = self.camera.numbers().to_vec();
         let clamp = self.settings.clamp.unwrap_or(f32::INFINITY);
@@ -167,8 +177,10 @@ impl View {
             (Some(sets), true) => sets.following,
             _ => -1.0,
         };
-        let moves = self.camera.filter > 0.0;
-        let filter = if moves { 0.0 } else { self.filter.radius() };
+        let filter = match self.camera.filter > 0.0 || !self.sees_followed_move() {
+            true => 0.0,
+            false => self.filter.radius(),
+        };
         let unit = self.scene.frame.unit as f32;
         let resting = if self.wanted.of.camera { 1.0 } else { RARELY };
         settings.extend([self.cone, unit, clamp, following, filter, resting]);

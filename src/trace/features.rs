@@ -44,8 +44,7 @@ pub(crate) struct Features {
 impl Features {
     /// Returns whether camera rays follow any material in derivatives.
     pub fn follows_on_film(&self) -> bool {
-        let follows = self.smooth || self.models.dielectric;
-        self.glossy && follows && !self.cones
+        self.glossy && !self.cones
     }
 
     /// Returns whether all points have their triangle's normal and a constant diffuse material.

@@ -30,8 +30,9 @@ use crate::model::lists::vector;
 use crate::model::{V2, V3, splat, v2};
 use crate::scene::BsdfKind;
 
-/// The cosine below which rays follow smooth surfaces: all of them at 0.
+/// The cosines to smooth normals, and to flat faces on the film, below which rays follow the surface: wholly at 0.
 const GRAZING: f32 = 0.8;
+const FLAT_GRAZING: f32 = 0.2;
 
 /// The part of a ray's motion that is left where it follows the material, and its derivatives with respect to the ray.
 #[apply(record!)]
@@ -120,8 +121,8 @@ impl<'a> Scene<'a> {
     }
 
     /// Returns how much is left of the motion of a ray that reaches a point of a triangle, seen from its side
-    /// `geometric`. It falls with the distance from glossy faces, unless the ray comes from the camera, and with the
-    /// cosine to smooth normals.
+    /// `geometric`. It falls with the distance from glossy faces, unless the ray comes from the camera, and with the cosine
+    /// to smooth normals or, for camera rays, to any.
     #[inline(always)]
     pub fn left_at(
         &self,
@@ -145,29 +146,33 @@ impl<'a> Scene<'a> {
             by_ray.direction = geometric * (slope * per_facing);
             by_ray.origin = by_ray.direction * (1.0 / distance);
         }
+        let mut normal = geometric;
+        // The derivative of n·ω with respect to the point of the triangle that is hit.
+        let mut by_point = splat(0.0);
+        let mut band = select(on_film, FLAT_GRAZING, 0.0f32);
         if comptime!(self.features.smooth) {
             let rows = self.normal_rows(triangle);
-            if followed && rows.exist() {
+            if rows.exist() {
+                band = GRAZING;
                 let corners = rows.of(self.normals, 3u32);
                 let at = facing(corners.at(weights), geometric);
-                let cosine = max(-at.normal.dot(direction), 0.0) * (1.0 / GRAZING);
-                let square = cosine * cosine;
-                if square < 1.0 {
-                    let left = square * (2.0 - square);
-                    // With respect to n·ω. The normal changes with the point of the triangle that is hit.
-                    let by_cosine = (1.0 - square) * cosine * (-4.0f32 / GRAZING) * part;
-                    let by_sum = direction.reject_from_normalized(at.normal) * at.factor;
-                    let slopes = self.triangle(triangle).slopes();
-                    let by_point = slopes.first * by_sum.dot(corners.b - corners.a)
-                        + slopes.second * by_sum.dot(corners.c - corners.a);
-                    let along = by_point.dot(direction) * per_facing;
-                    let by_origin = (by_point - geometric * along) * by_cosine;
-                    by_ray.origin = by_ray.origin * left + by_origin;
-                    by_ray.direction =
-                        by_ray.direction * left + at.normal * by_cosine + by_origin * distance;
-                    part *= left;
-                }
+                normal = at.normal;
+                let by_sum = direction.reject_from_normalized(normal) * at.factor;
+                let slopes = self.triangle(triangle).slopes();
+                by_point = slopes.first * by_sum.dot(corners.b - corners.a)
+                    + slopes.second * by_sum.dot(corners.c - corners.a);
             }
+        }
+        let cosine = max(-normal.dot(direction), 0.0);
+        if followed && cosine < band {
+            let square = cosine * cosine / (band * band);
+            let left = square * (2.0 - square);
+            let by_cosine = (1.0 - square) * cosine * (-4.0f32 / (band * band)) * part;
+            let along = by_point.dot(direction) * per_facing;
+            let by_origin = (by_point - geometric * along) * by_cosine;
+            by_ray.origin = by_ray.origin * left + by_origin;
+            by_ray.direction = by_ray.direction * left + normal * by_cosine + by_origin * distance;
+            part *= left;
         }
         Left { part, by_ray }
     }
@@ -252,8 +257,7 @@ pub(crate) fn follow_on_film(
     by_ray: &RayGradient,
 ) {
     let follows = scene.follows_on_film();
-    let of = comptime!(scene.features.follows_on_film() && (sums.of.objects || sums.of.camera));
-    if of && follows {
+    if comptime!(sums.of.objects || sums.of.camera) && follows {
         let (direction, normal) = (ray.direction, y.shading.geometric);
         let left: Left = scene.left_at(y.triangle, y.weights, normal, y.distance, direction, true);
         let share = 1.0 - left.part;
