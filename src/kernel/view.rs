@@ -163,7 +163,7 @@ impl View {
     /// Returns whether any material that camera rays may follow has derivatives, or the camera.
     fn sees_followed_move(&self) -> bool {
         let mut triangles = self.scene.lists.triangles.iter();
-        let moves = |words: &[u32; TRIANGLE as usize]| {
+        let moves = |words: &[u32; _]| {
             let (material, object) = (words[0] as usize, words[1] as usize);
             self.wanted.objects[object] != 0 && self.scene.materials[material].is_followed()
         };
