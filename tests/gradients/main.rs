@@ -9,6 +9,7 @@ mod cone;
 mod cornell;
 mod engines;
 mod forward;
+mod gloss;
 mod memory;
 mod outputs;
 mod replay;
