@@ -82,8 +82,8 @@ fn facets_agree_with_central_differences() {
 }
 
 /// Random scenes by `make`, of seeds from `SOFTRAY_SEED` on. In the long tier these are `count` or `SOFTRAY_SCENES`, and
-/// four of five derivatives are known within 5 %. `tests/faults/run` counts how often this finds a wrong factor of a single term:
-/// in 10 of 10 runs of 24 scenes where few parameters have the term alone, and seldom where it is a small part of many.
+/// four of five derivatives are known within 5 %. `tests/faults/run` counts how often this finds a wrong factor of a
+/// single term: in all of ten runs where the term is most of some derivative, seldom where it is a small part of many.
 fn random_scenes_agree(make: fn(u64) -> RandomScene, count: u64, precision: f64, renders: u64) {
     let number = |name: &str, otherwise| {
         let given = std::env::var(name).ok();

@@ -176,7 +176,7 @@ impl Shading {
             let square = sine * sine;
             if square < 1.0 {
                 found.part = square * (2.0 - square);
-                // H = ± (v + η l) with v·h ≥ 0, so that η l·h = ± |H| − v·h.
+                // The sine is −l·h, and h turns with l, since H = ± (v + η l).
                 let by_sine = (1.0 - square) * sine * (4.0f32 / GRAZING);
                 let side = select(self.eta() < 1.0, 1.0f32, -1.0f32);
                 let across = direction.reject_from_normalized(half);
