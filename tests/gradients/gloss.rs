@@ -127,7 +127,7 @@ fn glossy_bodies_have_little_noise_beside_matt_ones() {
         .flat_map(|l| depths.iter().map(move |b| (l, b)))
     {
         // The limits of the noise over that of a matt body, and of the worst seed.
-        let (metal, worst) = if lamp { (18.0, 0.8) } else { (4.0, 0.35) };
+        let (metal, worst) = if lamp { (18.0, 0.8) } else { (4.0, 0.4) };
         let glass = match (lamp, bounces) {
             (false, 1) => 16.0,
             (false, _) => 30.0,
