@@ -18,6 +18,7 @@ mod ranges;
 mod reflectance;
 mod refraction;
 mod sample;
+mod scatter;
 #[cfg(test)]
 mod tests;
 
@@ -30,8 +31,8 @@ pub(crate) use glass_albedo::given_back;
 pub(crate) use lobe::Lobe;
 use models::models;
 pub(crate) use reflectance::DIELECTRIC_F0;
-pub(crate) use refraction::{Turning, UPRIGHT};
-pub(crate) use sample::Scatter;
+pub(crate) use refraction::UPRIGHT;
+pub(crate) use scatter::{Scatter, Turning};
 
 models! {
     phong: Phong;

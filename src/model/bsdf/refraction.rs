@@ -5,7 +5,8 @@
 use super::ShadingExpand;
 use super::facets::{Facets, FacetsGradient};
 use super::fresnel::dielectric;
-use super::{IMPOSSIBLE, Scatter, Shading, ShadingGradient, is};
+use super::scatter::{Scatter, Turning};
+use super::{IMPOSSIBLE, Shading, ShadingGradient, is};
 use crate::cube::*;
 use crate::model::{V3, select_vector, splat};
 
@@ -14,25 +15,6 @@ pub(crate) const UPRIGHT: f32 = 64.0;
 
 /// The sine of the angle between a refracted direction and its facet's plane below which the direction is held in part.
 const GRAZING: f32 = 0.3;
-
-/// The part of its velocity with which a sampled direction turns at fixed random numbers, and the derivative of this part
-/// with respect to the direction.
-#[apply(record!)]
-pub(crate) struct Turning {
-    pub part: f32,
-    pub by_direction: V3,
-}
-
-#[cfg_attr(feature = "gpu", cube)]
-impl Turning {
-    #[inline(always)]
-    pub fn freely() -> Turning {
-        Turning {
-            part: 1.0f32.runtime(),
-            by_direction: splat(0.0),
-        }
-    }
-}
 
 /// The facet that turns the view into a direction, above or below the surface.
 #[apply(record!)]

@@ -2,25 +2,11 @@
 
 #[cfg(feature = "gpu")]
 use super::ShadingExpand;
-use super::refraction::Turning;
+use super::scatter::{Scatter, Turning};
 use super::{IMPOSSIBLE, Shading, ShadingGradient};
 use crate::cube::*;
 use crate::model::frame::{sin_cos_of_turns, to_local};
 use crate::model::{V3, splat, v3};
-
-/// A direction sampled from the BSDF.
-#[apply(zeroed!)]
-pub(crate) struct Scatter {
-    pub direction: V3,
-    /// f·cos θ over the density of the direction.
-    pub weight: V3,
-    /// The direction in the frame of the lobe's axis: the normal, or the mirror direction.
-    pub local: V3,
-    /// Whether the specular lobe was sampled; for a dielectric, whether light is reflected.
-    pub of_gloss: bool,
-    pub u: f32,
-    pub v: f32,
-}
 
 #[cfg_attr(feature = "gpu", cube)]
 impl Shading {
