@@ -161,8 +161,12 @@ impl PathVertex {
         } else {
             self.next_light += 1;
         }
-        if self.next_light == TO_EMITTERS_ALONG && !self.looks_along(scene) {
+        let is_lost = self.scatter.weight.is_zero();
+        if self.next_light == TO_EMITTERS_ALONG && (is_lost || !self.looks_along(scene)) {
             self.next_light = TO_MAP;
+        }
+        if self.next_light == TO_MAP_ALONG && is_lost {
+            self.next_light = DONE;
         }
         if comptime!(!scene.features.gathers_map) {
             if self.next_light >= TO_MAP {

@@ -9,6 +9,7 @@ use super::eights::{self, Eight, brought};
 use super::walk::{Candidate, Connecting, Level, LightSample, PathBlock, Waiting, Walk, Way, Work};
 use crate::accel::{HitRay, NOTHING, stage};
 use crate::lanes::{LANES, Record};
+use crate::model::bsdf::Scatter;
 use crate::model::connection::{ConeKernel, Connection, Target};
 use crate::model::{V2, V3, v2};
 use crate::sampling::{Chosen, EmitterTriangle, Receiver};
@@ -185,8 +186,11 @@ fn choose_emitters(
             let choice = emitters.choose(u, &own, share, &mut room);
             choice.set(&mut chosen, lane);
         }
-        if glossy {
-            let direction = level.scatters.get(lane).direction;
+        let Scatter {
+            direction, weight, ..
+        } = level.scatters.get(lane);
+        // Glass loses some directions ([`Scatter::weight`]).
+        if glossy && !weight.is_zero() {
             let (met, along) = (&mut work.met, &mut work.along);
             (of.scene.emitters).each_hit_of_all(&own, direction, met, |hit| {
                 along.push(Connecting {
@@ -284,6 +288,9 @@ pub(super) fn direct_from_map<'a>(
         let drawn = map_of(lists).choose(lists.sky_density, numbers.z, numbers.w);
         let scatter = level.scatters.get(lane);
         for (by_scattering, direction) in [(false, drawn), (true, scatter.direction)] {
+            if by_scattering && scatter.weight.is_zero() {
+                continue;
+            }
             let connecting = Connecting {
                 lane,
                 emitter: NONE,
@@ -294,7 +301,7 @@ pub(super) fn direct_from_map<'a>(
             let target = Target::of_map(direction);
             let before = work.rays.len();
             connecting.connect(of, level, &target, || sky(lists, direction), work);
-            if by_scattering && surely_on && work.rays.len() > before && !scatter.weight.is_zero() {
+            if by_scattering && surely_on && work.rays.len() > before {
                 work.rays.truncate(before);
                 work.waiting.extend(work.candidates.pop().map(|c| Waiting {
                     lane: lane as u32,

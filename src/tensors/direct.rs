@@ -1,6 +1,7 @@
 //! Direct light at surface points, from points of emitters and from an environment map.
 
 use burn::tensor::Tensor;
+use glam::DVec3;
 
 use super::bsdf::{density as density_of_scattering, scattered};
 use super::cones::AtBounce;
@@ -18,12 +19,12 @@ use crate::sampling::Dimensions;
 /// density. Each result holds the indices of its paths, or `None` for all. The list is empty if the scene has no
 /// emitter.
 ///
-/// `scattered` holds the direction in which each path continues, and whether it is used. If given, light from the
-/// emitters in these directions is added (MIS by the power heuristic).
+/// `scattered` holds the sampled direction of each path ([`Scatter::gathered`](super::bsdf::Scatter::gathered)), and whether such directions are used. If
+/// given, light from the emitters in these directions is added (MIS by the power heuristic).
 pub(super) fn connect(
     tracer: &Tracer,
     shaded: Shaded,
-    scattered: Option<(&Vec3, &[bool])>,
+    scattered: Option<(&[DVec3], &[bool])>,
 ) -> Result<Vec<(Option<Vec<u32>>, Vec3)>> {
     let lights = tracer.transport.lights;
     if lights.emitters.is_empty() {
@@ -67,8 +68,8 @@ pub(super) fn connect(
         })?;
         found.push((Some(which), light));
     }
-    if let (Some((direction, used)), Some(views)) = (scattered, &views) {
-        let mut hits = lights.intersect(views, &host_vectors(direction)?);
+    if let (Some((directions, used)), Some(views)) = (scattered, &views) {
+        let mut hits = lights.intersect(views, directions);
         hits.retain(|h| used[h.path as usize]);
         if !hits.is_empty() {
             let which: Vec<u32> = hits.iter().map(|h| h.path).collect();
@@ -185,23 +186,19 @@ pub(super) fn from_map(
     tracer: &Tracer,
     map: &SkyMap,
     shaded: Shaded,
-    scattered: &Vec3,
+    scattered: &[DVec3],
 ) -> Result<Vec<(Option<Vec<u32>>, Vec3)>> {
     let AtBounce { paths, bounce } = shaded.at;
     let sampler = tracer.transport.sampler;
     let [_, _, u, v] = sampler.uniform(paths, Dimensions::choices(bounce));
-    let drawn = map.choose(&u, &v);
-    let scattered = host_vectors(scattered)?;
+    let (drawn, chances) = map.choose(&u, &v);
     let densities = scattered.iter().map(|&d| map.density(d)).collect();
     let mut found = Vec::new();
-    for (by_scattering, (directions, density)) in [(false, drawn), (true, (scattered, densities))] {
-        found.extend(along(
-            tracer,
-            map,
-            shaded,
-            (&directions, &density),
-            by_scattering,
-        )?);
+    for (by_scattering, directions, density) in
+        [(false, &drawn[..], chances), (true, scattered, densities)]
+    {
+        let directions = (directions, density.as_slice());
+        found.extend(along(tracer, map, shaded, directions, by_scattering)?);
     }
     Ok(found)
 }
@@ -210,7 +207,7 @@ fn along(
     tracer: &Tracer,
     map: &SkyMap,
     shaded: Shaded,
-    (directions, density): (&[glam::DVec3], &[f64]),
+    (directions, density): (&[DVec3], &[f64]),
     by_scattering: bool,
 ) -> Result<Option<(Option<Vec<u32>>, Vec3)>> {
     let context = &tracer.scene().context;

@@ -111,11 +111,14 @@ impl Lights {
             .partition_map(|either| either)
     }
 
-    /// Returns the points where rays hit the fronts of emitters, regardless of occluders.
+    /// Returns the points where rays hit the fronts of emitters, regardless of occluders. Directions of 0 hit nothing.
     pub(super) fn intersect(&self, views: &Views, directions: &[DVec3]) -> Vec<Chosen> {
         let emitters = &self.emitters;
         let one = |i: usize| {
             let (mut hits, mut room) = (Vec::new(), Vec::new());
+            if directions[i] == DVec3::ZERO {
+                return hits;
+            }
             let (at, mut met) = (views.at(i), Met::default());
             emitters.each_hit_of_all(&at, directions[i].into(), &mut met, |hit| {
                 hits.push(Chosen {

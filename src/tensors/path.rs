@@ -218,14 +218,16 @@ impl<'a> Tracing<'a> {
         let scatter = (goes_on || by_scattering || self.map.is_some())
             .then(|| bsdf::sample(context, points, &rays.direction, sampler, paths, bounce));
         let scatter = scatter.transpose()?;
-        let direction = scatter.as_ref().map(|s| &s.direction);
-        let along = direction.filter(|_| by_scattering);
+        let gathers = by_scattering || self.map.is_some();
+        let directions = scatter.as_ref().filter(|_| gathers);
+        let directions = directions.map(Scatter::gathered).transpose()?;
+        let along = directions.as_deref().filter(|_| by_scattering);
         let along = along.map(|d| (d, glossy.as_slice()));
         let at = AtBounce { paths, bounce };
         let shaded = Shaded { points, rays, at };
         let mut lit = direct::connect(tracer, shaded, along)?;
-        if let (Some(map), Some(direction)) = (self.map, direction) {
-            lit.extend(direct::from_map(tracer, map, shaded, direction)?);
+        if let (Some(map), Some(directions)) = (self.map, &directions) {
+            lit.extend(direct::from_map(tracer, map, shaded, directions)?);
         }
         for (which, light) in lit {
             let light = (self.batch).contribution(context, bounce, which.as_deref(), light);

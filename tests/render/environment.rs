@@ -3,7 +3,7 @@
 use crate::common;
 use crate::common::errors::{message, says};
 use crate::common::numbers::{mean, rmse};
-use crate::common::scenes::on_axis;
+use crate::common::scenes::{facing_down, on_axis};
 use crate::common::tensors::{gradient, radiance, values};
 use burn::tensor::{DType, Device};
 use softray::gradcheck::{Checked, GradCheck, gradcheck};
@@ -131,6 +131,33 @@ fn a_white_ball_vanishes_in_a_uniform_map() {
     let scene = ball(Material::diffuse([1.0; 3]), DType::F32).with_environment(white);
     let image = of(&scene, Sampling::default(), 256, 1);
     assert!((mean(&image) - 1.0).abs() < 0.005, "{}", mean(&image));
+}
+
+/// Glass loses the samples that its facets turn to the wrong side. No light is gathered along them: the mean is the one
+/// without MIS, also under a lamp.
+#[test]
+fn lost_samples_gather_no_light() {
+    let glass = ball(Material::dielectric(1.5, 0.9), DType::F32);
+    let lamp = facing_down([-3.0, 3.0], [-3.0, 3.0], 2.0, &Device::flex());
+    let lamp = Object::new(lamp).with_material(Material::emitter([1.0; 3]));
+    let map = sky(|_, _| [0.5; 3], DType::F32);
+    let camera = on_axis(4.0).with_fov_y(25.0);
+    for scene in [glass.clone().with_environment(map), glass.with_object(lamp)] {
+        let of = |sampling, samples, engine| {
+            let options = RenderOptions::new(8, 8)
+                .with_samples(samples)
+                .with_bounces(1)
+                .with_engine(engine)
+                .with_sampling(sampling);
+            mean(&radiance(&scene, &camera, &options))
+        };
+        let kernels = |sampling| of(sampling, 16_384, Engine::Kernels);
+        let (found, expected) = (kernels(Sampling::default()), kernels(Sampling::paper()));
+        assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
+        // Both engines draw the same paths.
+        let [a, b] = [Engine::Kernels, Engine::Tensors].map(|e| of(Sampling::default(), 64, e));
+        assert!((a / b - 1.0).abs() < 1e-3, "{a} {b}");
+    }
 }
 
 /// A sun in a map: drawn from the map and from the BSDF together the mean stays, and the noise falls

@@ -7,7 +7,8 @@ use crate::model::{V3, splat};
 #[apply(zeroed!)]
 pub(crate) struct Scatter {
     pub direction: V3,
-    /// f·cos θ over the density of the direction.
+    /// f·cos θ over the density of the direction. It is 0 where the sample is lost: no light is gathered along its
+    /// direction, although others may sample that direction.
     pub weight: V3,
     /// The direction in the frame of the lobe's axis: the normal, or the mirror direction.
     pub local: V3,

@@ -8,10 +8,12 @@ mod phong;
 use std::f64::consts::TAU;
 
 use burn::tensor::{Bool, Tensor};
+use glam::DVec3;
 
+use super::lights::nonzero;
 use super::surface::{Model, SurfacePoints};
 use crate::error::Result;
-use crate::geometry::{Context, Vec3, detached};
+use crate::geometry::{Context, Vec3, detached, host_vectors};
 use crate::model::bsdf::HORIZON;
 use crate::model::frame::TURN;
 use crate::sampling::{Dimensions, Sampler};
@@ -126,8 +128,21 @@ fn density_of(points: &SurfacePoints, incoming: &Vec3, outgoing: &Vec3) -> Tenso
 /// A sampled direction, and the throughput f·cos/pdf along it.
 pub(crate) struct Scatter {
     pub direction: Vec3,
-    /// RGB factor, 0 where the direction lies below the surface.
+    /// RGB factor. It is 0 where the sample is lost: no light is gathered along its direction, although others may sample
+    /// that direction.
     pub weight: Vec3,
+}
+
+impl Scatter {
+    /// Returns the directions along which light is gathered, 0 for those that are lost.
+    pub fn gathered(&self) -> Result<Vec<DVec3>> {
+        let directions = host_vectors(&self.direction)?;
+        let mut found = vec![DVec3::ZERO; directions.len()];
+        for i in nonzero(&self.weight)? {
+            found[i as usize] = directions[i as usize];
+        }
+        Ok(found)
+    }
 }
 
 /// Draws a lobe with a probability in proportion to its albedo, and a direction from this lobe. Divides by the density
