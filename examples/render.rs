@@ -45,6 +45,9 @@ pub struct Arguments {
     /// Limit of the indirect light that a path carries from one lamp, against fireflies. Default: none.
     #[arg(long, conflicts_with = "softmax", value_name = "RADIANCE")]
     clamp: Option<f64>,
+    /// Least roughness of surfaces after the first one, against the noise of caustics. Default: none.
+    #[arg(long, value_name = "ROUGHNESS")]
+    regularize: Option<f64>,
     /// Also write the inputs of Open Image Denoise beside the output: NAME.color.pfm, NAME.albedo.pfm and
     /// NAME.normal.pfm.
     #[arg(long)]
@@ -214,6 +217,9 @@ fn options(arguments: &Arguments, (width, height): (usize, usize)) -> RenderOpti
     }
     if let Some(radiance) = arguments.clamp {
         options = options.with_indirect_clamp(radiance);
+    }
+    if let Some(roughness) = arguments.regularize {
+        options = options.with_path_regularization(roughness);
     }
     if arguments.denoiser_inputs {
         options = options.with_albedo().with_normals();

@@ -63,7 +63,7 @@ fn vertex(
 ) -> Vertex {
     let arrival = room.arrival(records, i);
     let bits = records[room.at(i, OF_BITS)];
-    let point = arrival.point(scene, path.time);
+    let point = arrival.point(scene, path.time, i);
     let mut choices = path.film;
     let mut scatter = Scatter::default();
     if bits != 0 {
@@ -208,7 +208,10 @@ fn followed_backward(
             &by_ray,
         );
     } else {
-        let x = room.arrival(records, v.number - 1).point(scene, path.time);
+        let before = v.number - 1;
+        let x = room
+            .arrival(records, before)
+            .point(scene, path.time, before);
         by = follow_backward(
             scene,
             sums,

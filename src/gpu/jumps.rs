@@ -273,14 +273,23 @@ struct Normals {
 
 /// Returns the normals on both sides of a crease, from the hit of a ray past its edge.
 #[cube]
-fn normals_beside(scene: &Scene, a: &Approach, behind: &Hit, time: f32) -> Normals {
+fn normals_beside(scene: &Scene, a: &Approach, behind: &Hit, time: f32, bounce: u32) -> Normals {
     let mut found = Normals::default();
     found.evenly = true;
     let mut side = 0u32;
     while side < 2 {
         let on_plus = side == 1;
         let at = beside(scene, a, behind, on_plus, time);
-        let point = point_at(scene, at.triangle, at.near, at.distance, at.direction, time);
+        let (distance, direction) = (at.distance, at.direction);
+        let point = point_at(
+            scene,
+            at.triangle,
+            at.near,
+            distance,
+            direction,
+            time,
+            bounce,
+        );
         if on_plus {
             found.pair.second = point.shading.normal;
         } else {
@@ -311,7 +320,7 @@ pub(super) fn light_beside(
     let mut light = LightBeside::default();
     let mut normals = Normals::default();
     if goes_on && is_crease(scene, &a.sides) {
-        normals = normals_beside(scene, a, behind, time);
+        normals = normals_beside(scene, a, behind, time, bounce);
     }
     // One path on each side; two if directions are mirrored, with the mirrored directions first.
     let mut left = 2u32;

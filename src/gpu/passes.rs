@@ -107,7 +107,7 @@ pub(super) fn add_jumps(
         let carried = g.radiance.times(arrival.throughput);
         let path = begin(&scene, which.pixel, which.sample);
         let at = Observer {
-            point: arrival.point(&scene, path.time),
+            point: arrival.point(&scene, path.time, k),
             bounce: k,
             moves: moves_at(&scene, records, room, k, sums.of),
             carried,

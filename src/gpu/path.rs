@@ -183,6 +183,9 @@ fn arrive(
             emits = start.emits;
         }
     }
+    if !is_first {
+        walk.bounce += 1;
+    }
     let mut vertex = PathVertex::default();
     vertex.point = point_at(
         scene,
@@ -191,6 +194,7 @@ fn arrive(
         distance,
         walk.direction,
         path.time,
+        walk.bounce,
     );
     vertex.reflects = vertex.point.reflects && comptime!(!scene.features.dark);
     vertex.emitter = walk.next_emitter;
@@ -205,8 +209,6 @@ fn arrive(
             light.seen.radiance += emitted(scene, &vertex.point);
         }
         light.see(scene, &vertex.point, distance);
-    } else {
-        walk.bounce += 1;
     }
     vertex
 }

@@ -47,12 +47,12 @@ pub(super) struct Arrival {
 
 #[cube]
 impl Arrival {
-    /// Returns the surface point at a shutter time.
-    pub fn point(&self, scene: &Scene, time: f32) -> Point {
+    /// Returns the surface point at a shutter time, after `bounce` bounces.
+    pub fn point(&self, scene: &Scene, time: f32, bounce: u32) -> Point {
         let t = self.distance;
         let direction = self.incoming;
         let near = self.origin + direction * t;
-        point_at(scene, self.triangle, near, t, direction, time)
+        point_at(scene, self.triangle, near, t, direction, time, bounce)
     }
 }
 

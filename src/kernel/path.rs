@@ -121,10 +121,18 @@ impl PathBlock<'_> {
 
     /// Returns the point that a ray hit.
     #[inline(always)]
-    fn point(&self, hit: Hit, ray: &HitRay) -> Point {
+    fn point(&self, hit: Hit, ray: &HitRay, bounce: u32) -> Point {
         let (origin, direction, t) = (V3::from(ray.origin), V3::from(ray.direction), hit.t);
         let near = origin + direction * t;
-        point_at(&self.lists, hit.triangle, near, t, direction, ray.time)
+        point_at(
+            &self.lists,
+            hit.triangle,
+            near,
+            t,
+            direction,
+            ray.time,
+            bounce,
+        )
     }
 }
 
@@ -214,7 +222,7 @@ fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
             first.add(i as u32, i as u32, V3::ONE);
         }
     }
-    points(of, first, work);
+    points(of, first, 0, work);
     for (lane, &path) in first.paths.iter().enumerate() {
         let (walk, point) = (&mut list[path as usize], first.points.get(lane));
         walk.see(&point);
@@ -222,9 +230,9 @@ fn begin<'a>(of: &'a PathBlock<'a>, walks: &'a mut Walks, work: &'a mut Work) {
     }
 }
 
-/// Computes the points that arriving rays hit, one for each lane of a level.
+/// Computes the points that arriving rays hit after `bounce` bounces, one for each lane of a level.
 #[inline(always)]
-fn points(of: &PathBlock, level: &mut Level, work: &Work) {
+fn points(of: &PathBlock, level: &mut Level, bounce: u32, work: &Work) {
     let lists = &of.lists;
     let plain = lists.features.plain_points();
     for first in (0..level.len()).step_by(LANES) {
@@ -236,7 +244,7 @@ fn points(of: &PathBlock, level: &mut Level, work: &Work) {
         if !plain {
             for lane in lanes {
                 let (hit, ray) = hit_of(lane);
-                level.points.set(lane, of.point(hit, ray));
+                level.points.set(lane, of.point(hit, ray, bounce));
             }
             continue;
         }
@@ -389,5 +397,5 @@ fn arrive<'a>(of: &'a PathBlock<'a>, from: &'a Level, to: &'a mut Level, work: &
             to.add(from.paths[from_lane], lane, throughput);
         }
     }
-    points(of, to, work);
+    points(of, to, of.bounce + 1, work);
 }

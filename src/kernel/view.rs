@@ -73,6 +73,8 @@ pub(crate) struct ViewSettings {
     pub roulette_after: Option<u32>,
     /// The limit of indirect light.
     pub clamp: Option<f32>,
+    /// The least roughness of surfaces after a bounce.
+    pub least_roughness: Option<f32>,
     /// Whether albedos are an output.
     pub albedo: bool,
     pub multiple_importance: bool,
@@ -142,6 +144,7 @@ impl View {
             cones: self.cone > 0.0,
             roulette: settings.roulette_after.is_some(),
             clamp: settings.clamp.is_some(),
+            regularized: settings.least_roughness.is_some(),
             albedo: settings.albedo,
             sequence: settings.sampler.sequence,
             ..of_scene
@@ -173,6 +176,7 @@ impl View {
     fn flat(&self) -> Flat {
         let mut settings = self.camera.numbers().to_vec();
         let clamp = self.settings.clamp.unwrap_or(f32::INFINITY);
+        let least = self.settings.least_roughness.unwrap_or(0.0);
         let following = match (&self.edge_sets, self.settings.interior) {
             (Some(sets), true) => sets.following,
             _ => -1.0,
@@ -183,7 +187,7 @@ impl View {
         };
         let unit = self.scene.frame.unit as f32;
         let resting = if self.wanted.of.camera { 1.0 } else { RARELY };
-        settings.extend([self.cone, unit, clamp, following, filter, resting]);
+        settings.extend([self.cone, unit, clamp, least, following, filter, resting]);
         let emitters = &self.scene.emitters;
         let group = |g: &EmitterGroup| {
             // The members of a group have consecutive numbers.

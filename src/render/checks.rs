@@ -119,6 +119,11 @@ impl RenderOptions {
                 return wrong("indirect_clamp", &limit, "none with the softmax");
             }
         }
+        if let Some(least) = self.path_regularization
+            && !(least > 0.0 && least <= 1.0)
+        {
+            return wrong("path_regularization", &least, "a roughness in (0, 1]");
+        }
         if let Some((index, passes)) = self.pass {
             let value = format!("{index} of {passes}");
             if index >= passes {

@@ -79,6 +79,8 @@ pub struct RenderOptions {
     pub roulette_after: Option<u32>,
     /// The limit of indirect light ([`RenderOptions::with_indirect_clamp`]).
     pub indirect_clamp: Option<f64>,
+    /// The least roughness after the first surface ([`RenderOptions::with_path_regularization`]).
+    pub path_regularization: Option<f64>,
     /// See [`RenderOptions::with_rays_per_tile`].
     pub rays_per_tile: Option<usize>,
     /// See [`RenderOptions::with_adaptive`].
@@ -155,6 +157,7 @@ impl RenderOptions {
             seed: 0,
             roulette_after: None,
             indirect_clamp: None,
+            path_regularization: None,
             rays_per_tile: None,
             adaptive: false,
             adaptive_edges: true,
@@ -200,6 +203,18 @@ impl RenderOptions {
         /// mirrors, become darker. A limit of several times the brightness of the image costs little light. Gradients and
         /// the softmax return an error.
         with_indirect_clamp(radiance: f64) indirect_clamp = Some(radiance);
+        /// Sets the least roughness, in (0, 1], of the surfaces that light meets before the last one on its way to the camera
+        /// (path-space regularization: Kaplanyan and Dachsbacher 2013). It removes fireflies of caustics from images and
+        /// gradients alike: light that a polished surface throws on others. The gradient is that of the regularized image.
+        /// Off by default.
+        ///
+        /// The first surface that a camera ray meets has its own roughness, and so has the inside of glass behind it: what is
+        /// seen directly and through one body of glass stays sharp. Caustics and reflections of reflections become
+        /// blurred. Phong's exponent n counts as a roughness of (2/(n + 2))^¼.
+        ///
+        /// For fits of scenes with polished surfaces, a value of 0.3 is recommended
+        /// ([`Fit`](crate::optim::Fit)).
+        with_path_regularization(roughness: f64) path_regularization = Some(roughness);
         /// Enables adaptive sampling: each pixel has between ¼ and 16 times [`samples`](Self::samples) paths. Off by
         /// default.
         ///

@@ -105,7 +105,10 @@ pub(crate) fn trace<'a>(
         }
         let drawn: Vec<u32> = hits.iter().map(|&i| drawn[i as usize]).collect();
         tracing.batch.keep(&scene.context, &hits);
-        let points = SurfacePoints::new(scene, &tracing.batch.rays, drawn)?;
+        let mut points = SurfacePoints::new(scene, &tracing.batch.rays, drawn)?;
+        if let Some(least) = settings.least_roughness {
+            points.regularize(least, bounce);
+        }
         let Some(scatter) = tracing.direct_light(&points, bounce)? else {
             break;
         };

@@ -45,6 +45,28 @@ impl SurfacePoints {
         self.map(self.triangle.clone(), detached)
     }
 
+    /// Raises the roughness of glossy surfaces to a least value after `bounce` bounces, as [`Shading::roughen`] and the
+    /// kernels' points do.
+    ///
+    /// [`Shading::roughen`]: crate::model::bsdf::Shading::roughen
+    pub(super) fn regularize(&mut self, least: f64, bounce: u32) {
+        let place = Channel::Roughness.place();
+        let Some(parameter) = self.parameters.get_mut(place).filter(|_| bounce > 0) else {
+            return;
+        };
+        let own = parameter.x.clone();
+        let mut new = own.clone().clamp_max(2.0 / least.powi(4) - 2.0);
+        for model in &self.models {
+            let mut rough = own.clone().clamp_min(least);
+            if bounce == 1 && model.kind.bsdf == BsdfKind::Dielectric {
+                let inside = self.inside.clone().greater_elem(0.5);
+                rough = rough.mask_where(inside, own.clone());
+            }
+            new = new.mask_where(model.row.clone().greater_elem(0.5), rough);
+        }
+        parameter.x = new;
+    }
+
     /// Returns these points with BSDF parameters outside of the graph.
     pub(super) fn with_constant_parameters(&self) -> Self {
         let parameters = self.parameters.iter();

@@ -28,6 +28,8 @@ pub(crate) struct PathSettings {
     pub roulette_after: Option<u32>,
     /// The limit of indirect light.
     pub indirect_clamp: Option<f64>,
+    /// The least roughness after the first surface.
+    pub least_roughness: Option<f64>,
     /// Whether albedos are an output.
     pub albedo: bool,
     /// The sampling strategies.

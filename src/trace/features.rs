@@ -35,6 +35,8 @@ pub(crate) struct Features {
     pub dark: bool,
     pub cones: bool,
     pub roulette: bool,
+    /// Whether surfaces have a least roughness after a bounce.
+    pub regularized: bool,
     /// Whether indirect light is clamped, and whether albedos are an output.
     pub clamp: bool,
     pub albedo: bool,

@@ -4,13 +4,14 @@ use crate::cube::*;
 
 use super::corners::facing;
 use super::parts::{COLORS, NORMALS, TANGENTS, TRIANGLES};
-use super::scene::{COMPENSATED, GLOSSY, MODEL, REFLECTS, Scene};
+use super::scene::{COMPENSATED, GLOSSY, LEAST_ROUGHNESS, MODEL, REFLECTS, Scene};
 use super::sums::Sums;
 use crate::model::bsdf::{Models, Shading, ShadingGradient};
 use crate::model::numbers::is_nonzero;
 use crate::model::triangle::{Plane, hit_backward};
 use crate::model::{Pair, V2, V3, splat, v2, v3};
 use crate::sampling::Receiver;
+use crate::scene::BsdfKind;
 
 /// A surface point that a ray hit.
 #[apply(zeroed!)]
@@ -30,6 +31,8 @@ pub(crate) struct Point {
     pub shading: Shading,
     /// Whether it scatters any light.
     pub reflects: bool,
+    /// Whether its roughness is the least one, and not its material's.
+    pub roughened: bool,
 }
 
 /// Derivatives with respect to a surface point, except those that involve its incoming ray.
@@ -124,6 +127,7 @@ pub(crate) fn plain_point(on: &OnPlane, hit: &HitTriangle) -> Point {
             mirrored: false.runtime(),
         },
         reflects: hit.bits & REFLECTS != 0,
+        roughened: false.runtime(),
     }
 }
 
@@ -149,7 +153,8 @@ pub(crate) fn hit_triangle(
     }
 }
 
-/// Returns the point near `near` of a triangle, seen along a direction from a distance at a shutter time.
+/// Returns the point near `near` of a triangle, seen along a direction from a distance at a shutter time, after `bounce`
+/// bounces.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn point_at(
@@ -159,6 +164,7 @@ pub(crate) fn point_at(
     distance: f32,
     direction: V3,
     time: f32,
+    bounce: u32,
 ) -> Point {
     let hit = hit_triangle(scene, triangle, distance, direction);
     let shift = scene.shift(triangle, time);
@@ -198,9 +204,25 @@ pub(crate) fn point_at(
         p.shading.model = (hit.bits / MODEL) % 8;
         p.shading.compensated = hit.bits & COMPENSATED != 0;
     }
+    if comptime!(scene.features.regularized) {
+        p.roughened = regularize(scene, &mut p.shading, bounce);
+    }
     p.shading.pair.first = p.shading.normal;
     p.shading.pair.second = p.shading.normal;
     p
+}
+
+/// Raises the roughness of a glossy surface that a path meets after `bounce` bounces to the view's least roughness. The first
+/// surface of a path has its own roughness, and the inside of glass behind it has, too. Returns whether there was a change.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+fn regularize(scene: &Scene, shading: &mut Shading, bounce: u32) -> bool {
+    let refracts = shading.inside && shading.model == const { BsdfKind::Dielectric as u32 };
+    let mut changed = false;
+    if shading.glossy && bounce > select(refracts, 1u32, 0u32) {
+        changed = shading.roughen(scene.settings[LEAST_ROUGHNESS]);
+    }
+    changed
 }
 
 /// Backward pass of a surface point. Turns derivatives with respect to its position, geometric normal, distance and
@@ -240,7 +262,7 @@ pub(crate) fn point_backward(
             if channel == 1 {
                 g = shade.specular;
             } else if channel == 2 {
-                g = v3(shade.exponent, 0.0, 0.0);
+                g = v3(select(p.roughened, 0.0, shade.exponent), 0.0, 0.0);
             }
             let wanted = comptime!(sums.of.materials);
             let more = scene.color_backward(sums, p.material, channel, p.uv, g, wanted);

@@ -282,6 +282,18 @@ fn derivatives_of_facets() {
     assert_agreement(&cases, setups, DType::F32, EIGHT, limit);
 }
 
+/// The same with a least roughness after a bounce, which is above that of most materials.
+#[test]
+fn derivatives_with_path_regularization() {
+    let (gpu, cpu) = (device(), Device::flex());
+    let setups: [Setup; 2] = [
+        (&gpu, |o| o.with_path_regularization(0.9)),
+        (&cpu, |o| o.with_path_regularization(0.9)),
+    ];
+    let cases = each(facet_cases(), 5);
+    assert_agreement(&cases, setups, DType::F32, EIGHT, limit);
+}
+
 /// Parameters outside of their ranges have no gradient, as on the host.
 #[test]
 fn values_outside_of_their_ranges_have_no_gradient() {

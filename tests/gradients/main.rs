@@ -12,6 +12,7 @@ mod forward;
 mod gloss;
 mod memory;
 mod outputs;
+mod regularized;
 mod replay;
 mod shadow;
 mod shares;

@@ -55,7 +55,8 @@ pub(super) fn light_beside(
     find_beside::<false>(tracer, work);
     let mut walks = std::mem::take(&mut work.side_walks);
     walks.clear(WALKS * approaches.len());
-    begin_beside(tracer, approaches, paths, film, &mut walks, work);
+    let after = bounce.unwrap_or(0);
+    begin_beside(tracer, approaches, paths, film, after, &mut walks, work);
     if let Some(bounce) = bounce {
         let both: Vec<Path> = paths.iter().flat_map(|path| [*path; WALKS]).collect();
         let mut of = PathBlock {
@@ -94,6 +95,7 @@ fn begin_beside<'a>(
     approaches: &'a [Approach],
     paths: &'a [Path],
     film: bool,
+    bounce: u32,
     walks: &'a mut Walks,
     work: &'a mut Work,
 ) {
@@ -110,7 +112,7 @@ fn begin_beside<'a>(
         if hidden {
             continue;
         }
-        let mut points = at.map(|at| point_beside(lists, &at, path.time));
+        let mut points = at.map(|at| point_beside(lists, &at, path.time, bounce));
         let mut count = 2;
         if let [Some(minus), Some(plus)] = &mut points
             && is_crease(lists, &approach.sides)
@@ -153,10 +155,11 @@ fn begin_beside<'a>(
 
 /// Returns the surface point beside an edge point, or `None` if the environment is seen there.
 #[inline(always)]
-fn point_beside(lists: &Scene, at: &Beside, time: f32) -> Option<Point> {
+fn point_beside(lists: &Scene, at: &Beside, time: f32, bounce: u32) -> Option<Point> {
     let (k, near) = (at.triangle, at.near);
     if k == NOTHING {
         return None;
     }
-    Some(point_at(lists, k, near, at.distance, at.direction, time))
+    let (distance, direction) = (at.distance, at.direction);
+    Some(point_at(lists, k, near, distance, direction, time, bounce))
 }

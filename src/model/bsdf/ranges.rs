@@ -32,6 +32,18 @@ pub(super) fn roughness_of(number: f32) -> f32 {
 
 #[cfg_attr(feature = "gpu", cube)]
 impl Shading {
+    /// Raises the roughness of a glossy material to a least value r > 0. Phong's exponent falls to 2/r⁴ − 2, with which its
+    /// lobe is as wide as that of facets with α = r² (Walter et al. 2007). Returns whether there was a change.
+    #[inline(always)]
+    pub fn roughen(&mut self, least: f32) -> bool {
+        let own = self.exponent;
+        self.exponent = max(own, least);
+        if self.model == const { BsdfKind::Phong as u32 } {
+            self.exponent = min(own, 2.0 / (least * least * least * least) - 2.0);
+        }
+        self.exponent != own
+    }
+
     /// Returns the clamped metallic parameter.
     #[inline(always)]
     pub(super) fn metallic(&self) -> f32 {

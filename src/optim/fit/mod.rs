@@ -32,6 +32,11 @@ type Callback<M> = Box<dyn FnMut(&Report<M>) -> Result<bool>>;
 
 /// Fits a module's parameters by gradient descent.
 ///
+/// For scenes with polished surfaces, [`RenderOptions::with_path_regularization`] with 0.3 is recommended: otherwise a rare
+/// path of a caustic may have most of a step's gradient.
+///
+/// [`RenderOptions::with_path_regularization`]: crate::render::RenderOptions::with_path_regularization
+///
 /// ```
 /// use burn::module::{Module, Param};
 /// use burn::optim::AdamConfig;

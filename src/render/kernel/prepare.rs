@@ -207,18 +207,7 @@ pub(super) fn prepare(
         let pixels_per_tangent = 0.5 * options.height as f64 / camera.half_height;
         let filter = filters.of_cone(pixels, wide * pixels_per_tangent);
         let edges = edge_sets[*scene].clone().filter(|_| wanted.moves());
-        let settings = ViewSettings {
-            width: options.width as u32,
-            height: options.height as u32,
-            cone: angle.to_radians().tan(),
-            bounces: options.bounces,
-            roulette_after: options.roulette_after,
-            clamp: options.indirect_clamp.map(|limit| limit as f32),
-            albedo: options.outputs.albedo,
-            multiple_importance: options.sampling.multiple_importance,
-            sampler: sampler(&options.of_view(index)),
-            interior,
-        };
+        let settings = settings_of(&options.of_view(index), angle, interior);
         let scene = scenes[*scene].clone();
         let view = View::new(scene, *camera, filter, settings, wanted, edges);
         view.warn_of_hard_shadows();
@@ -234,6 +223,23 @@ pub(super) fn prepare(
         #[cfg(feature = "gpu")]
         late: Late::default(),
     })
+}
+
+/// Returns the settings of a view whose cones have a half-angle in degrees.
+fn settings_of(options: &RenderOptions, angle: f64, interior: bool) -> ViewSettings {
+    ViewSettings {
+        width: options.width as u32,
+        height: options.height as u32,
+        cone: angle.to_radians().tan(),
+        bounces: options.bounces,
+        roulette_after: options.roulette_after,
+        clamp: options.indirect_clamp.map(|limit| limit as f32),
+        least_roughness: options.path_regularization.map(|least| least as f32),
+        albedo: options.outputs.albedo,
+        multiple_importance: options.sampling.multiple_importance,
+        sampler: sampler(options),
+        interior,
+    }
 }
 
 /// Adds the batch's vertices to the row, then the tensors of its scenes. Returns the ranges of each scene's tensors.

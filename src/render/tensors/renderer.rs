@@ -64,6 +64,7 @@ impl<'a> TensorRenderer<'a> {
                 bounces: options.bounces,
                 roulette_after: options.roulette_after,
                 indirect_clamp: options.indirect_clamp,
+                least_roughness: options.path_regularization,
                 albedo: options.outputs.albedo,
                 sampling: options.sampling,
             },
