@@ -94,23 +94,30 @@ def bsdf(material):
         alpha = material["roughness"] ** 2
         rough = {"type": "roughdielectric", "distribution": "ggx", "alpha": alpha, "int_ior": material["ior"]}
         return mi.load_dict(rough)
+    if material.get("bsdf") == "conductor":
+        rough = {"type": "roughconductor", "distribution": "ggx", "alpha": material["roughness"] ** 2}
+        rough |= {k: {"type": "rgb", "value": material[v]} for k, v in (("eta", "eta"), ("k", "extinction"))}
+        return mi.load_dict({"type": "twosided", "bsdf": rough})
     matt = {"type": "diffuse", "reflectance": {"type": "rgb", "value": kd}}
     return mi.load_dict({"type": "twosided", "bsdf": matt})
 
 
-def mesh(name, vertices, faces, material, uvs=None):
+def mesh(name, vertices, faces, material, uvs=None, normals=None):
     props = mi.Properties()
     own = material.get("bsdf")
     props["bsdf"] = own if isinstance(own, mi.BSDF) else bsdf(material)
     if any(material.get("Ke", [0])):
         radiance = {"type": "rgb", "value": material["Ke"]}
         props["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
-    found = mi.Mesh(name, len(vertices), len(faces), props=props, has_vertex_texcoords=uvs is not None)
+    has = {"has_vertex_texcoords": uvs is not None, "has_vertex_normals": normals is not None}
+    found = mi.Mesh(name, len(vertices), len(faces), props=props, **has)
     p = mi.traverse(found)
     p["vertex_positions"] = np.asarray(vertices).reshape(-1).astype(np.float32)
     p["faces"] = np.asarray(faces).reshape(-1).astype(np.uint32)
     if uvs is not None:
         p["vertex_texcoords"] = np.asarray(uvs).reshape(-1).astype(np.float32)
+    if normals is not None:
+        p["vertex_normals"] = np.asarray(normals).reshape(-1).astype(np.float32)
     p.update()
     return found
 
@@ -127,12 +134,12 @@ def sensor(camera, size, sampler="independent"):
 
 
 def meshes(obj):
-    """Name, material, vertices and faces of the parts of an OBJ file, or of the arrays that stand beside it."""
+    """Name, material, vertices, faces and normals of the parts of an OBJ file, or of the arrays that stand beside it."""
     arrays = obj.parent / "scene.npz"
     if arrays.exists():
         found = np.load(arrays)
         names = [k[:-2] for k in found if k.endswith(" v")]
-        return [(n, n, found[f"{n} v"], found[f"{n} f"]) for n in names]
+        return [(n, n, found[f"{n} v"], found[f"{n} f"], found.get(f"{n} n")) for n in names]
     vertices, parts = [], {}
     for line in obj.read_text().splitlines():
         word, *rest = line.split() or [""]
@@ -149,7 +156,7 @@ def meshes(obj):
     found = []
     for (part, material), faces in parts.items():
         used, faces = np.unique(np.array(faces), return_inverse=True)
-        found.append((part, material, np.array(vertices)[used], faces.reshape(-1, 3)))
+        found.append((part, material, np.array(vertices)[used], faces.reshape(-1, 3), None))
     return found
 
 
@@ -173,10 +180,10 @@ def load(path, size, sampler="independent", materials=None):
     elif any(sky):
         scene["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": sky}}
     others = {**file.get("materials", {}), **others}
-    for part, material, corners, faces in meshes(obj):
+    for part, material, corners, faces, normals in meshes(obj):
         chosen = others.get(part, materials[material])
         uvs = corners[:, [0, 2]] / (2 * chosen["half"]) + 0.5 if "half" in chosen else None
-        scene[part] = mesh(part, corners, faces, chosen, uvs)
+        scene[part] = mesh(part, corners, faces, chosen, uvs, normals)
     return mi.load_dict(scene)
 
 

@@ -73,24 +73,32 @@ def turned(mesh, axis, degrees, center):
     return (v - center) @ turn.T + center, f
 
 
-def write(folder, name, parts, camera, sky=(0, 0, 0), fov=40.0, size=SIZE, materials=None):
-    """Parts are (name, (vertices, faces), {"Kd": color, "Ks": .., "Ns": .., "Ke": ..}). Meshes are written as arrays
-    too, so that what Python needs to read text is not counted as a renderer's."""
+def write(folder, name, parts, camera, sky=(0, 0, 0), fov=40.0, size=SIZE, materials=None, normals=None):
+    """Parts are (name, (vertices, faces), {"Kd": color, "Ks": .., "Ns": .., "Ke": ..}), some with normals of their
+    vertices. Meshes are written as arrays too, so that what Python needs to read text is not counted as a renderer's."""
+    normals = normals or {}
     folder = folder / name
     path = folder / "scene.json"
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / f"{name}.mtl", "w") as mtl, open(folder / f"{name}.obj", "w") as obj:
         obj.write(f"mtllib {name}.mtl\n")
-        first = 1
+        first, first_normal = 1, 1
         for part, (v, f), material in parts:
             mtl.write(f"newmtl {part}\n")
             for key, value in material.items():
                 mtl.write(f"{key} {' '.join(f'{x:g}' for x in np.atleast_1d(value))}\n")
             obj.write(f"o {part}\nusemtl {part}\n")
             obj.writelines(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in v)
-            obj.writelines(f"f {a} {b} {c}\n" for a, b, c in f + first)
+            if part in normals:
+                obj.writelines(f"vn {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in normals[part])
+                corners = np.stack([f + first, f + first_normal], 2)
+                obj.writelines("f " + " ".join(f"{a}//{n}" for a, n in face) + "\n" for face in corners)
+                first_normal += len(v)
+            else:
+                obj.writelines(f"f {a} {b} {c}\n" for a, b, c in f + first)
             first += len(v)
     arrays = {f"{part} {key}": array for part, mesh, _ in parts for key, array in zip("vf", mesh)}
+    arrays |= {f"{part} n": n for part, n in normals.items()}
     np.savez(folder / "scene.npz", **arrays)
     camera = {**camera, "fov_y_degrees": fov, "width": size, "height": size}
     if isinstance(sky, np.ndarray):
@@ -164,6 +172,13 @@ CUBE = {"half": 0.7, "center": (0.1, 0.05, 0), "axis": (1, 2, 0.5), "degrees": 3
 CUBE_VIEW = {"eye": [0, 0, 4.5], "target": [0, 0, 0], "up": [0, 1, 0]}
 #: Levels of balls before a constant sky.
 BALLS = (2, 4)
+#: Levels of balls of metal and of glass over a floor.
+GLOSSY = (2, 4, 5)
+#: Mitsuba adds no light back that is lost between facets.
+GLOSS = {
+    "metal": {"bsdf": "conductor", "eta": [0.14, 0.37, 1.44], "extinction": [3.98, 2.39, 1.6], "roughness": 0.2},
+    "glass": {"bsdf": "dielectric", "ior": 1.5, "roughness": 0.2},
+}
 FINE = {2: "320", 3: "1,280", 4: "5,120", 5: "20,480", 6: "81,920"}
 
 
@@ -219,6 +234,20 @@ def cases(folder):
         scene = write(folder, name, [("sphere", ball_mesh(level), {"Kd": BLUE})], DOWN_TO_ORIGIN, SKY)
         title = f"a ball before a constant sky, {FINE[level]} faces, by its x"
         found[name] = case(title, scene, 1, 0.02, "sphere", translate=[1, 0, 0])
+    for material, gloss in GLOSS.items():
+        for smooth in (False, True):
+            for level in GLOSSY:
+                name = f"{material}-{'smooth' if smooth else 'flat'}-{20 * 4**level}"
+                mesh = icosphere(level, 0.8, (0, 0.9, 0))
+                parts = [("floor", floor(), {"Kd": (0.6, 0.5, 0.4)}), ("sphere", mesh, {"Kd": BLUE})]
+                scene = write(
+                    folder, name, parts, DOWN_TO_ORIGIN, SKY, materials={"sphere": {**gloss, "compensated": False}},
+                    normals={"sphere": icosphere(level)[0]} if smooth else {},
+                )
+                shading = "vertex normals" if smooth else "flat"
+                title = f"a ball of {'metal' if material == 'metal' else 'rough glass'}, {shading}, {FINE[level]} faces, by its x"
+                bounces = 1 if material == "metal" else 3
+                found[name] = case(title, scene, bounces, 0.02, "sphere", translate=[1, 0, 0])
     return found
 
 

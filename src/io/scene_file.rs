@@ -50,7 +50,8 @@ use crate::warnings::warning;
 /// (none), `velocities` and `materials` (those of the scene). A lens without a focus distance is focused on the
 /// target. `lights` are added to the lights of the file, in the units of [`Light`]. A material replaces the material
 /// of an object. Its `base_color` (white), `roughness` (1), `metallic` (0) and `ior` (1.5) may be images. Of these,
-/// the roughness is the green channel, `metallic` the blue and `ior` the red channel, without color conversion. A
+/// the roughness is the green channel, `metallic` the blue and `ior` the red channel, without color conversion. With
+/// `"compensated": false` no light is added back ([`Material::with_compensated`](crate::scene::Material::with_compensated)). A
 /// warning lists unknown fields; in a material, they are an error.
 #[derive(Clone, Debug)]
 pub struct SceneFile {

@@ -33,10 +33,16 @@ pub(super) struct MaterialDocument {
     #[serde(default = "ones")]
     extinction: [f64; 3],
     ior: Option<Value>,
+    #[serde(default = "yes")]
+    compensated: bool,
 }
 
 fn ones() -> [f64; 3] {
     [1.0; 3]
+}
+
+fn yes() -> bool {
+    true
 }
 
 impl Place<'_> {
@@ -106,6 +112,7 @@ impl MaterialDocument {
                 Material::dielectric(ior, roughness).with_tint(color)
             }
         };
+        let material = material.with_compensated(self.compensated);
         Ok(material.with_name(object))
     }
 }

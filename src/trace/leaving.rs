@@ -109,6 +109,14 @@ pub(crate) fn leave_backward(
     );
     let by_weight = by_survivor.times(throughput);
     let turning: Turning = scene.turning(&p.shading, scatter.direction, scatter.of_gloss);
-    (p.shading).sample_backward(scatter, by_weight, by_axis, &turning, &mut by.shading);
+    let of_parameters = comptime!(sums.of.materials || scene.features.textured);
+    (p.shading).sample_backward(
+        scatter,
+        by_weight,
+        by_axis,
+        &turning,
+        of_parameters,
+        &mut by.shading,
+    );
     by_survivor.times(scatter.weight)
 }

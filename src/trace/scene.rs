@@ -279,6 +279,13 @@ pub(crate) const FOLLOWING: usize = LEAST_ROUGHNESS + 1;
 pub(crate) const FILTER: usize = FOLLOWING + 1;
 pub(crate) const RESTING: usize = FILTER + 1;
 
+/// Returns the number of the BSDF in the bits of a material.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+pub(crate) fn model_in(bits: u32) -> u32 {
+    (bits / MODEL) % 8
+}
+
 #[cfg_attr(feature = "gpu", cube)]
 impl<'a> Scene<'a> {
     #[inline(always)]
@@ -311,7 +318,7 @@ impl<'a> Scene<'a> {
     /// Returns the number of the BSDF of a material.
     #[inline(always)]
     pub fn model_of(&self, material: u32) -> u32 {
-        (self.bits_of(material) / MODEL) % 8
+        model_in(self.bits_of(material))
     }
 
     /// Returns the displacement of a triangle at a shutter time.

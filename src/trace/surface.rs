@@ -4,7 +4,7 @@ use crate::cube::*;
 
 use super::corners::facing;
 use super::parts::{COLORS, NORMALS, TANGENTS, TRIANGLES};
-use super::scene::{COMPENSATED, GLOSSY, LEAST_ROUGHNESS, MODEL, REFLECTS, Scene};
+use super::scene::{COMPENSATED, GLOSSY, LEAST_ROUGHNESS, REFLECTS, Scene, model_in};
 use super::sums::Sums;
 use crate::model::bsdf::{Models, Shading, ShadingGradient};
 use crate::model::numbers::is_nonzero;
@@ -201,7 +201,7 @@ pub(crate) fn point_at(
         p.shading.exponent = scene.color(p.material, 2u32, p.uv).x;
     }
     if comptime!(scene.features.models.has_others()) {
-        p.shading.model = (hit.bits / MODEL) % 8;
+        p.shading.model = model_in(hit.bits);
         p.shading.compensated = hit.bits & COMPENSATED != 0;
     }
     if comptime!(scene.features.regularized) {

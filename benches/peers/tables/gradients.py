@@ -21,6 +21,7 @@ RENDERERS = [
 FIRST = "cornell"
 QUICK = ("shadow", "sky", "ball-320")
 RECORD = ("shadow", "cornell", "torus", "mirror", "sky", "ball-320", "ball-5120", "ball-81920", "ball-sky-320", "ball-sky-5120")
+RECORD += tuple(f"{material}-{shading}-{20 * 4**level}" for material in scenes.GLOSS for shading in ("flat", "smooth") for level in scenes.GLOSSY)
 #: σ of the paper's form, scene units squared.
 SIGMA = 1e-4
 
@@ -58,7 +59,8 @@ def measure(programs, a):
         for renderer, samples, image, only in RENDERERS:
             if not programs.wanted(renderer):
                 continue
-            faces = int(name.rpartition("-")[2]) if name.startswith("ball") else 0
+            tail = name.rpartition("-")[2]
+            faces = int(tail) if tail.isdigit() else 0
             if only and not (only(faces) if callable(only) else name in only):
                 continue
             if renderer.endswith("guided") and a.quick:

@@ -14,7 +14,7 @@ use crate::model::{V3, select_vector, splat};
 pub(crate) const UPRIGHT: f32 = 64.0;
 
 /// The sine of the angle between a refracted direction and its facet's plane below which the direction is held in part.
-const GRAZING: f32 = 0.3;
+const HELD_BELOW: f32 = 0.3;
 
 /// The facet that turns the view into a direction, above or below the surface.
 #[apply(record!)]
@@ -154,12 +154,12 @@ impl Shading {
             let half = self.half_of(&self.facets_about(self.normal), direction, false);
             let per_length = 1.0 / max(half.length(), IMPOSSIBLE);
             let half = half * per_length;
-            let sine = max(-direction.dot(half), 0.0) * (1.0 / GRAZING);
+            let sine = max(-direction.dot(half), 0.0) * (1.0 / HELD_BELOW);
             let square = sine * sine;
             if square < 1.0 {
                 found.part = square * (2.0 - square);
                 // The sine is −l·h, and h turns with l, since H = ± (v + η l).
-                let by_sine = (1.0 - square) * sine * (4.0f32 / GRAZING);
+                let by_sine = (1.0 - square) * sine * (4.0f32 / HELD_BELOW);
                 let side = select(self.eta() < 1.0, 1.0f32, -1.0f32);
                 let across = direction.reject_from_normalized(half);
                 found.by_direction = (half + across * (side * self.eta() * per_length)) * -by_sine;

@@ -60,7 +60,8 @@ impl Shading {
     /// Adds the derivatives of g·weight + by_direction·direction of a sampled direction. With respect to the parameters of
     /// the specular lobe, they are those of f·cos θ at a fixed direction and density (detached sampling: Zeltner et al.
     /// 2021, *Monte Carlo estimators for differential light transport*), so that no edge moves with these parameters. With
-    /// respect to the normals and the view, they are mixed of both: the direction turns by `turning`.
+    /// respect to the normals and the view, they are mixed of both: the direction turns by `turning`. Those of the lobe's
+    /// parameters are right only if `of_parameters`.
     #[inline(always)]
     pub fn sample_backward(
         &self,
@@ -68,6 +69,7 @@ impl Shading {
         g: V3,
         by_direction: V3,
         turning: &Turning,
+        of_parameters: bool,
         gradient: &mut ShadingGradient,
     ) {
         let part = turning.part;
@@ -76,7 +78,8 @@ impl Shading {
         by_drawn += turning.by_direction * g.dot(s.weight);
         self.direction_backward(s, by_drawn, &mut own);
         let mut fixed = ShadingGradient::default();
-        if !self.scatters_evenly() && !s.weight.is_zero() {
+        let wanted = (of_parameters || part < 1.0) && !self.scatters_evenly();
+        if wanted && !s.weight.is_zero() {
             let density = self.density(s.direction);
             if density > IMPOSSIBLE {
                 self.evaluate_backward(s.direction, g * (1.0 / density), &mut fixed);

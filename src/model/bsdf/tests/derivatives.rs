@@ -115,7 +115,14 @@ fn derivatives_of_samples() {
                 g.dot(found.weight) * scale + by_direction.dot(found.direction)
             };
             let mut found = ShadingGradient::default();
-            s.sample_backward(&drawn, g, by_direction, &Turning::freely(), &mut found);
+            s.sample_backward(
+                &drawn,
+                g,
+                by_direction,
+                &Turning::freely(),
+                true,
+                &mut found,
+            );
             // Colors change the probability of the specular lobe, except on a diffuse surface.
             let color = |i: usize| (8..11).contains(&i) || i == 12;
             let matters = |i: usize| match (s.models.has_others(), s.glossy) {

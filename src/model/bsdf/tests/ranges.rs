@@ -54,7 +54,14 @@ fn values_outside_of_their_ranges_have_no_derivative() {
             }
             for lobe in [0.0, 0.999] {
                 let drawn = s.sample(0.4, 0.3, lobe);
-                s.sample_backward(&drawn, V3::ONE, by_direction, &Turning::freely(), &mut by);
+                s.sample_backward(
+                    &drawn,
+                    V3::ONE,
+                    by_direction,
+                    &Turning::freely(),
+                    true,
+                    &mut by,
+                );
             }
             by
         };
