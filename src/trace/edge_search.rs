@@ -160,7 +160,7 @@ pub(crate) fn search(
             let found: LobeSearch = of_lobe(&shading, x, time, drawn.x / rate, tangent);
             s.query = found.query;
             // Rays of the last bounce end at surfaces.
-            s.follows = scene.follows_from(&shading);
+            s.follows = scene.follows();
             if o.bounce >= scene.bounces {
                 s.follows = false;
             }

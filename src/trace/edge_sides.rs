@@ -28,6 +28,8 @@ pub(crate) struct Approach {
 pub(crate) struct LightBeside {
     /// The light on the − side minus the light on the + side, without that part of which the material moves with the edge.
     pub jump: Seen,
+    /// The difference of the parts of the light whose rays do not follow material.
+    pub turns: V3,
     pub minus: Followed,
     pub plus: Followed,
 }
@@ -58,6 +60,7 @@ impl LightBeside {
     ) {
         let sign = select(on_plus, -factor, factor);
         self.jump.add(light, sign);
+        self.turns += light.radiance * sign;
         let follows = a.follows && at.triangle != NONE;
         if comptime!(scene.features.glossy) && follows {
             let t = scene.triangle(at.triangle);
@@ -68,6 +71,7 @@ impl LightBeside {
             let left: Left =
                 scene.left_at(triangle, weights, normal, distance, direction, a.on_film);
             let share = (1.0 - left.part) * sign;
+            self.turns -= light.radiance * share;
             let mut followed = Seen::default();
             let expected = scene.expected(scene.material_of(at.triangle));
             followed.radiance = (light.radiance - expected) * share;

@@ -22,12 +22,12 @@ use super::scene::{FILTER, FOLLOWED, FOLLOWING, Scene};
 use super::seen::emitted;
 use super::sums::{Sums, add_to_camera};
 use super::surface::{Point, RayGradient};
-use crate::model::bsdf::{Shading, Turning};
+use crate::model::bsdf::{Shading, ShadingGradient, Turning};
 use crate::model::camera::{Camera, CameraGradient, CameraRay};
 use crate::model::edge_weight::left_of_crease;
 use crate::model::filter::filter_slope;
 use crate::model::lists::vector;
-use crate::model::{V2, V3, splat, v2};
+use crate::model::{V2, V3, splat, v2, v3};
 use crate::scene::BsdfKind;
 
 /// The cosines to smooth normals, and to flat faces on the film, below which rays follow the surface: wholly at 0.
@@ -43,13 +43,12 @@ pub(crate) struct Left {
 
 #[cfg_attr(feature = "gpu", cube)]
 impl<'a> Scene<'a> {
-    /// Returns whether directions from a point may follow the material: lobes of glossy surfaces are too narrow, and
-    /// cones blur directions.
+    /// Returns whether directions of bounces may follow the material, which cones blur.
     #[inline(always)]
-    pub fn follows_from(&self, shading: &Shading) -> bool {
+    pub fn follows(&self) -> bool {
         let mut follows = false;
         if comptime!(self.features.glossy && !self.features.cones) {
-            follows = self.settings[FOLLOWING] >= 0.0 && shading.scatters_evenly();
+            follows = self.settings[FOLLOWING] >= 0.0;
         }
         follows
     }
@@ -216,18 +215,27 @@ pub(crate) fn follow_backward(
     by_ray: RayGradient,
 ) -> RayGradient {
     let mut by = by_ray;
-    let follows = scene.follows_from(&x.shading);
+    let follows = scene.follows();
     if comptime!(sums.of.rays && scene.features.glossy) && follows {
         let (r, direction, normal) = (y.distance, y.shading.incoming, y.shading.geometric);
         let left: Left = scene.left_at(y.triangle, y.weights, normal, r, direction, false);
         let share = 1.0 - left.part;
         if share > 0.0 {
             let of_y = scene.material_of(y.triangle);
-            let light = throughput.dot(by_throughput - g.times(scene.expected(of_y)));
-            let counts = share * light;
-            let by_cosine = x.shading.by_log_cosine(direction) * counts;
-            let by_way = by.direction * share + by_cosine - left.by_ray.direction * light;
-            by.direction -= by_way;
+            let light = throughput.times(by_throughput - g.times(scene.expected(of_y)));
+            let sum = light.element_sum();
+            let counts = share * sum;
+            let reflected = x.shading.evaluate(direction).max(splat(f32::MIN_POSITIVE));
+            let by_reflected = v3(
+                light.x / reflected.x,
+                light.y / reflected.y,
+                light.z / reflected.z,
+            ) * share;
+            let mut unused = ShadingGradient::default();
+            let by_lobe = x.shading.evaluate_backward(direction, by_reflected, &mut unused);
+            let by_way = by.direction * share + by_lobe - left.by_ray.direction * sum;
+            by.share = share;
+            by.by_share = -left.by_ray.direction;
             // The solid angle of a part of the material is its area · |n·d| / r³, with d from x to y.
             let by_angle = normal * (counts / normal.dot(direction)) - direction * (3.0 * counts);
             let across = by_way.reject_from_normalized(direction);

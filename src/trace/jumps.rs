@@ -312,7 +312,7 @@ pub(crate) fn reflected_backward(
 ) -> f32 {
     let shading = o.point.shading;
     let mut scale = e.carried.dot(light.jump.radiance);
-    let mut turns = scale;
+    let turns = e.carried.dot(light.turns);
     let by_axis = jump.motion.edge.by_axis;
     if comptime!(scene.features.glossy) && s.follows {
         // Directions on a side follow its material in part.
@@ -324,7 +324,6 @@ pub(crate) fn reflected_backward(
             }
             let follows = e.carried.dot(on.light.radiance);
             if is_nonzero(follows) {
-                turns -= follows;
                 let by_point = by_axis.reject_from_normalized(e.axis) * (follows / on.distance);
                 by.position -= by_point;
                 scene.add_to_point(sums, on.triangle, on.near, by_point, time);

@@ -108,7 +108,10 @@ pub(crate) fn leave_backward(
         &mut by.geometric,
     );
     let by_weight = by_survivor.times(throughput);
-    let turning: Turning = scene.turning(&p.shading, scatter.direction, scatter.of_gloss);
+    let mut turning: Turning = scene.turning(&p.shading, scatter.direction, scatter.of_gloss);
+    let left = 1.0 - by_ray.share;
+    turning.by_direction = turning.by_direction * left - by_ray.by_share * turning.part;
+    turning.part *= left;
     let of_parameters = comptime!(sums.of.materials || scene.features.textured);
     (p.shading).sample_backward(
         scatter,

@@ -50,6 +50,10 @@ pub(crate) struct PointGradient {
 pub(crate) struct RayGradient {
     pub origin: V3,
     pub direction: V3,
+    /// The part of the ray's motion that follows the material behind it, and the derivative of this part with respect to
+    /// the direction.
+    pub share: f32,
+    pub by_share: V3,
 }
 
 /// A point of a triangle's plane, and the side that is seen.

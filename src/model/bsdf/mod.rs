@@ -160,14 +160,6 @@ impl Shading {
         max(min(shaded, HORIZON * self.geometric.dot(outgoing)), 0.0)
     }
 
-    /// Returns the derivative of log cos θ with respect to the outgoing direction.
-    #[inline(always)]
-    pub fn by_log_cosine(&self, outgoing: V3) -> V3 {
-        let per_cosine = 1.0 / max(self.cosine(outgoing), IMPOSSIBLE);
-        let mut unused = ShadingGradient::default();
-        self.cosine_backward(outgoing, per_cosine, &mut unused)
-    }
-
     /// Adds the derivatives of g·cos θ where it is not 0, and returns the one with respect to the outgoing direction.
     #[inline(always)]
     pub(super) fn cosine_backward(

@@ -78,8 +78,8 @@ impl Shading {
         by_drawn += turning.by_direction * g.dot(s.weight);
         self.direction_backward(s, by_drawn, &mut own);
         let mut fixed = ShadingGradient::default();
-        let wanted = (of_parameters || part < 1.0) && !self.scatters_evenly();
-        if wanted && !s.weight.is_zero() {
+        let of_parameters = of_parameters && !self.scatters_evenly();
+        if (of_parameters || part < 1.0) && !s.weight.is_zero() {
             let density = self.density(s.direction);
             if density > IMPOSSIBLE {
                 self.evaluate_backward(s.direction, g * (1.0 / density), &mut fixed);
