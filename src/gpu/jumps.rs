@@ -208,7 +208,7 @@ fn add_jump(
             );
         }
     } else if !hides(scene, &hit, &p, time) {
-        let approach = e.approach(s.follows, jump.sides);
+        let approach = e.approach(o, s, jump.sides);
         let sides = sampler(scene, OF_SIDES);
         let numbers = sides.stream(path.numbers.pixel, path.numbers.sample);
         let beginning = Beginning {

@@ -164,7 +164,7 @@ pub(crate) fn search(
             if o.bounce >= scene.bounces {
                 s.follows = false;
             }
-            if comptime!(scene.features.glossy) && s.follows {
+            if comptime!(scene.features.glossy) && s.follows && shading.scatters_evenly() {
                 s.query.following = scene.settings[FOLLOWING];
             }
             s.lobe = found.lobe;

@@ -3,7 +3,7 @@
 use crate::cube::*;
 
 use super::edge_points::EdgePoint;
-use super::following::Left;
+use super::following::{Left, Origin};
 use super::pixel::Seen;
 use super::scene::{NONE, Scene};
 use crate::accel::Hit;
@@ -18,9 +18,9 @@ pub(crate) struct Approach {
     pub origin: V3,
     pub view: V3,
     pub sides: Sides,
-    /// Whether the ray follows the material in part, and whether it comes from the camera.
+    /// Whether the ray follows the material in part.
     pub follows: bool,
-    pub on_film: bool,
+    pub from: Origin,
 }
 
 /// The light on both sides of an edge.
@@ -68,14 +68,13 @@ impl LightBeside {
             let direction = at.direction;
             let normal = select_vector(t.normal.dot(direction) < 0.0, t.normal, -t.normal);
             let (triangle, distance) = (at.triangle, at.distance);
-            let left: Left =
-                scene.left_at(triangle, weights, normal, distance, direction, a.on_film);
+            let left: Left = scene.left_at(triangle, weights, normal, distance, direction, a.from);
             let share = (1.0 - left.part) * sign;
             self.turns -= light.radiance * share;
             let mut followed = Seen::default();
             let expected = scene.expected(scene.material_of(at.triangle));
             followed.radiance = (light.radiance - expected) * share;
-            if a.on_film {
+            if a.from.on_film {
                 followed.opacity = light.opacity * share;
                 followed.depth = light.depth * share;
                 followed.normal = light.normal * share;

@@ -4,6 +4,7 @@ use crate::cube::*;
 
 use super::edge_points::{EdgePoint, add_to_edge, edge_of, sides};
 use super::edge_sides::{Approach, LightBeside};
+use super::following::Origin;
 use super::numbers::{Exposure, NO_PIXEL, OF_EDGES, sampler};
 use super::pixel::Seen;
 use super::scene::Scene;
@@ -96,7 +97,10 @@ impl FilmPoint {
             view,
             sides: sides(scene, &p, view, side, time),
             follows: scene.follows_on_film(),
-            on_film: true.runtime(),
+            from: Origin {
+                on_film: true.runtime(),
+                evenly: false.runtime(),
+            },
         }
     }
 

@@ -30,9 +30,18 @@ use crate::model::lists::vector;
 use crate::model::{V2, V3, splat, v2, v3};
 use crate::scene::BsdfKind;
 
-/// The cosines to smooth normals, and to flat faces on the film, below which rays follow the surface: wholly at 0.
+/// The cosine to smooth normals below which rays follow the surface: wholly at 0. The lower one is for flat faces on the film,
+/// and for rays from glossy points, whose lobes are narrow.
 const GRAZING: f32 = 0.8;
-const FLAT_GRAZING: f32 = 0.2;
+const LOW_GRAZING: f32 = 0.2;
+
+/// Where a ray comes from that may follow the material.
+#[apply(record!)]
+pub(crate) struct Origin {
+    /// Whether it is the camera, or a point whose BSDF is matt.
+    pub on_film: bool,
+    pub evenly: bool,
+}
 
 /// The part of a ray's motion that is left where it follows the material, and its derivatives with respect to the ray.
 #[apply(record!)]
@@ -120,8 +129,8 @@ impl<'a> Scene<'a> {
     }
 
     /// Returns how much is left of the motion of a ray that reaches a point of a triangle, seen from its side
-    /// `geometric`. It falls with the distance from glossy faces, unless the ray comes from the camera, and with the cosine
-    /// to smooth normals or, for camera rays, to any.
+    /// `geometric`. It falls with the distance from glossy faces if the ray comes from a matt point, and with the cosine to
+    /// smooth normals or, for camera rays, to any.
     #[inline(always)]
     pub fn left_at(
         &self,
@@ -130,15 +139,15 @@ impl<'a> Scene<'a> {
         geometric: V3,
         distance: f32,
         direction: V3,
-        on_film: bool,
+        from: Origin,
     ) -> Left {
         let per_facing = 1.0 / geometric.dot(direction);
         let mut part = 1.0f32;
         let mut by_ray = RayGradient::default();
         let followed = self.is_followed(self.material_of(triangle));
-        if followed && on_film {
+        if followed && from.on_film {
             part = select(self.is_carried(triangle), 0.0, 1.0);
-        } else if followed {
+        } else if followed && from.evenly {
             part = left_of_crease(distance, self.settings[FOLLOWING]);
             // The derivative with respect to log r is −4 u (1 − u).
             let slope = 4.0 * part * (1.0 - part);
@@ -148,11 +157,11 @@ impl<'a> Scene<'a> {
         let mut normal = geometric;
         // The derivative of n·ω with respect to the point of the triangle that is hit.
         let mut by_point = splat(0.0);
-        let mut band = select(on_film, FLAT_GRAZING, 0.0f32);
+        let mut band = select(from.on_film, LOW_GRAZING, 0.0f32);
         if comptime!(self.features.smooth) {
             let rows = self.normal_rows(triangle);
             if rows.exist() {
-                band = GRAZING;
+                band = select(from.on_film || from.evenly, GRAZING, LOW_GRAZING);
                 let corners = rows.of(self.normals, 3u32);
                 let at = facing(corners.at(weights), geometric);
                 normal = at.normal;
@@ -218,7 +227,11 @@ pub(crate) fn follow_backward(
     let follows = scene.follows();
     if comptime!(sums.of.rays && scene.features.glossy) && follows {
         let (r, direction, normal) = (y.distance, y.shading.incoming, y.shading.geometric);
-        let left: Left = scene.left_at(y.triangle, y.weights, normal, r, direction, false);
+        let from = Origin {
+            on_film: false.runtime(),
+            evenly: x.shading.scatters_evenly(),
+        };
+        let left: Left = scene.left_at(y.triangle, y.weights, normal, r, direction, from);
         let share = 1.0 - left.part;
         if share > 0.0 {
             let of_y = scene.material_of(y.triangle);
@@ -232,7 +245,9 @@ pub(crate) fn follow_backward(
                 light.z / reflected.z,
             ) * share;
             let mut unused = ShadingGradient::default();
-            let by_lobe = x.shading.evaluate_backward(direction, by_reflected, &mut unused);
+            let by_lobe = x
+                .shading
+                .evaluate_backward(direction, by_reflected, &mut unused);
             let by_way = by.direction * share + by_lobe - left.by_ray.direction * sum;
             by.share = share;
             by.by_share = -left.by_ray.direction;
@@ -267,7 +282,11 @@ pub(crate) fn follow_on_film(
     let follows = scene.follows_on_film();
     if comptime!(sums.of.objects || sums.of.camera) && follows {
         let (direction, normal) = (ray.direction, y.shading.geometric);
-        let left: Left = scene.left_at(y.triangle, y.weights, normal, y.distance, direction, true);
+        let from = Origin {
+            on_film: true.runtime(),
+            evenly: false.runtime(),
+        };
+        let left: Left = scene.left_at(y.triangle, y.weights, normal, y.distance, direction, from);
         let share = 1.0 - left.part;
         if share > 0.0 {
             let seen = Seen {

@@ -6,6 +6,7 @@ use crate::cube::*;
 use super::edge_points::{EdgePoint, OF_EDGE, add_to_edge, sides};
 use super::edge_search::{Observer, Search};
 use super::edge_sides::{Approach, LightBeside};
+use super::following::Origin;
 use super::lights::{emission_at, emitters_of, of_corners, radiance_of, target_of};
 use super::scene::{CONE, NONE, Scene};
 use super::sums::{Sums, add_to_light};
@@ -97,14 +98,17 @@ impl EdgeView {
 
     /// Returns the ray to the edge's point, and the faces beside it.
     #[inline(always)]
-    pub fn approach(&self, follows: bool, sides: Sides) -> Approach {
+    pub fn approach(&self, o: &Observer, s: &Search, sides: Sides) -> Approach {
         Approach {
             point: self.point,
             origin: self.start,
             view: self.view,
             sides,
-            follows,
-            on_film: false.runtime(),
+            follows: s.follows,
+            from: Origin {
+                on_film: false.runtime(),
+                evenly: o.point.shading.scatters_evenly(),
+            },
         }
     }
 

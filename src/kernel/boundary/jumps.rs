@@ -32,7 +32,7 @@ struct EdgeJump {
 
 impl EdgeJump {
     fn approach(&self) -> Approach {
-        self.view.approach(self.search.follows, self.jump.sides)
+        (self.view).approach(&self.observer, &self.search, self.jump.sides)
     }
 }
 
