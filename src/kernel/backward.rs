@@ -5,16 +5,17 @@ use std::ops::Deref;
 
 use macro_rules_attribute::apply;
 
+use super::boundary::PixelGradients;
 use super::shares::SEARCHED;
 use super::walk::{Back, Lanes, Level, PathBlock, Seen, Walks, Way, Work};
 use crate::accel::{NOTHING, stage};
-use crate::model::V3;
 use crate::model::camera::CameraGradient;
 use crate::model::connection::Target;
+use crate::model::{V3, v2};
 use crate::trace::{
-    NONE, PointGradient, RayGradient, Sums, add_to_camera, follow_backward, follow_on_film,
-    leave_backward, light_backward, map_backward, middle_of, point_backward, seen_backward,
-    sky_backward, target_of,
+    FilmSlopes, NONE, PointGradient, RayGradient, Sums, add_to_camera, follow_backward,
+    follow_on_film, leave_backward, light_backward, map_backward, middle_of, point_backward,
+    seen_backward, sky_backward, target_of,
 };
 
 /// Paths whose levels were kept, in the backward pass.
@@ -23,6 +24,8 @@ pub(super) struct Return<'a> {
     pub walks: &'a Walks,
     /// The derivatives of the loss with respect to the outputs of each path.
     pub upstream: &'a [&'a Seen],
+    /// The derivatives of the loss with respect to all pixels, and their factor for a path. In forward mode there are none.
+    pub around: Option<(&'a PixelGradients, f32)>,
     /// The average derivative of the loss with respect to the light of a camera ray.
     pub typical: f32,
     /// The number of searches of each kind that a point makes whose light counts as much as an average camera ray.
@@ -57,6 +60,21 @@ impl Return<'_> {
     #[inline(always)]
     pub fn select(&self, channel: usize, path: usize) {
         self.sums.select(self.paths[path].numbers.pixel, channel);
+    }
+
+    /// Returns the slope of the derivative of the loss at the film point of a path, whose pixel has the derivatives `g`.
+    fn slopes(&self, path: usize, g: &Seen) -> FilmSlopes {
+        let at = self.camera.film_point(&self.walks.cameras.get(path));
+        let around = self.around.and_then(|(pixels, factor)| {
+            let slopes = pixels.slopes(&self.lists, at)?;
+            Some(slopes.times(factor))
+        });
+        around.unwrap_or_else(|| {
+            let middle = middle_of(&self.lists, self.paths[path].numbers.pixel);
+            let mut own = FilmSlopes::default();
+            own.add(&self.lists, g, v2(at.x - middle.x, at.y - middle.y));
+            own
+        })
     }
 
     /// Goes back along the paths and adds the derivatives of the light of each path, times its upstream gradient.
@@ -222,11 +240,14 @@ fn points_backward<'a>(
             );
         } else if interior {
             let (c, ray) = (&to.camera, &to.walks.cameras.get(path));
-            let pixel = middle_of(&to.lists, to.paths[path].numbers.pixel);
             let g = &sums.of_channel(upstream, channel);
-            follow_on_film(
-                &to.lists, sums, c, ray, pixel, &point, g, by_light, time, &by_ray,
-            );
+            if to.lists.follows_on_film() {
+                let slopes = &to.slopes(path, g);
+                let radiance = to.walks.list[path].light.radiance;
+                follow_on_film(
+                    &to.lists, sums, c, ray, &point, g, slopes, radiance, time, &by_ray,
+                );
+            }
         }
         back.rays_before[before] = by_ray;
     }

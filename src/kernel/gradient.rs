@@ -165,6 +165,10 @@ impl HostSums {
         }
     }
 
+    pub fn is_forward(&self) -> bool {
+        self.forward.is_some()
+    }
+
     pub fn len(&self) -> usize {
         self.numbers.len()
     }

@@ -5,6 +5,7 @@ use std::ops::Range;
 use macro_rules_attribute::apply;
 
 use super::backward::Return;
+use super::boundary::PixelGradients;
 use super::gradient::HostSums;
 use super::shares::SEARCHED;
 use super::view::{Tracer, View};
@@ -101,16 +102,19 @@ impl View {
 
     /// Adds the derivatives of the sums over samples of pixels, each times the derivative of the loss with respect to
     /// that sum. `typical` is the mean of these derivatives over the image ([`View::typical`]). `searches` is the
-    /// number of searches of each kind by a point that counts as much.
+    /// number of searches of each kind by a point that counts as much. `around` is the derivatives with respect to the means
+    /// of all pixels, and the factor of those with respect to sums.
     pub fn backward(
         &self,
         pixels: &[(u32, Seen)],
+        around: Option<(&PixelGradients, f32)>,
         typical: f32,
         searches: [f32; SEARCHED],
         samples: Range<u32>,
         work: &mut Work,
         sums: &mut HostSums,
     ) {
+        let around = around.filter(|_| !sums.is_forward());
         let sums = &sums.sums();
         let nonzero = pixels.iter().filter(|p| p.1 != Seen::default());
         let (pixels, gradients): (Vec<u32>, Vec<&Seen>) = nonzero.map(|(i, g)| (*i, g)).unzip();
@@ -125,6 +129,7 @@ impl View {
                 of,
                 walks,
                 upstream: &upstream,
+                around,
                 typical,
                 searches,
                 sums,

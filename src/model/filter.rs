@@ -213,18 +213,20 @@ pub(crate) fn filter_by_radius(x: f32, radius: f32) -> f32 {
     mean
 }
 
-/// Returns the derivative of the logarithm of the pixel filter's density at an offset x from the pixel's center.
+/// Returns the pixel filter's density at an offset x from the pixel's center, and its derivative.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
-pub(crate) fn filter_slope(x: f32, radius: f32) -> f32 {
+pub(crate) fn filter_at(x: f32, radius: f32) -> V2 {
     // The lower half, whose end the difference of the cumulative distributions keeps.
     let low = max((-x.abs() - 0.5) / radius, -1.0);
     let high = min((-x.abs() + 0.5) / radius, 1.0);
     let a = 1.0 - low * low;
     let b = 1.0 - high * high;
-    let density = max(kernel_below(high) - kernel_below(low), 1e-12);
-    let slope = 0.9375 * (b * b - a * a) / (density * radius);
-    select(x > 0.0, -slope, slope)
+    let slope = 0.9375 * (b * b - a * a) / radius;
+    v2(
+        kernel_below(high) - kernel_below(low),
+        select(x > 0.0, -slope, slope),
+    )
 }
 
 /// Returns the fraction of [`film_kernel`] below x.
@@ -331,7 +333,8 @@ mod tests {
                 let x = x * (0.5 + radius as f32);
                 let (before, after) = (density(f64::from(x) - 2e-3), density(f64::from(x) + 2e-3));
                 let wanted = ((after / before).ln() / 4e-3) as f32;
-                let found = filter_slope(x, radius as f32);
+                let at = filter_at(x, radius as f32);
+                let found = at.y / at.x;
                 assert!(
                     radius == 0.0 || (found - wanted).abs() < 0.01 * (1.0 + wanted.abs()),
                     "{radius} {x}: {found} {wanted}"

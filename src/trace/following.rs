@@ -19,13 +19,12 @@ use super::pixel::Seen;
 #[cfg(feature = "gpu")]
 use super::scene::SceneExpand;
 use super::scene::{FILTER, FOLLOWED, FOLLOWING, Scene};
-use super::seen::emitted;
 use super::sums::{Sums, add_to_camera};
 use super::surface::{Point, RayGradient};
 use crate::model::bsdf::{Shading, ShadingGradient, Turning};
 use crate::model::camera::{Camera, CameraGradient, CameraRay};
 use crate::model::edge_weight::left_of_crease;
-use crate::model::filter::filter_slope;
+use crate::model::filter::filter_at;
 use crate::model::lists::vector;
 use crate::model::{V2, V3, splat, v2, v3};
 use crate::scene::BsdfKind;
@@ -262,9 +261,60 @@ pub(crate) fn follow_backward(
     by
 }
 
+/// The slope along the film, at a film point, of the derivative of the loss with respect to what is seen there: the sum over
+/// pixels of their derivatives times the slopes of their filters. Each sample counts for all pixels that see its point, so
+/// that it is divided by the sum of their filters.
+#[apply(zeroed!)]
+pub(crate) struct FilmSlopes {
+    x: Seen,
+    y: Seen,
+    density: f32,
+}
+
+#[cfg_attr(feature = "gpu", cube)]
+impl FilmSlopes {
+    /// Adds a pixel with the derivatives `g`, from whose center the point is at an offset.
+    #[inline(always)]
+    pub fn add(&mut self, scene: &Scene, g: &Seen, offset: V2) {
+        let radius = scene.settings[FILTER];
+        let x = filter_at(offset.x, radius);
+        let y = filter_at(offset.y, radius);
+        self.x.add(g, x.y * y.x);
+        self.y.add(g, x.x * y.y);
+        self.density += x.x * y.x;
+    }
+}
+
+impl FilmSlopes {
+    /// Returns it for derivatives times a factor.
+    pub fn times(mut self, factor: f32) -> Self {
+        (self.x, self.y) = (self.x.times(factor), self.y.times(factor));
+        self
+    }
+}
+
+/// Returns the first of the rows or columns of pixels that see a film point, and the one after the last, of `count`.
+#[cfg_attr(feature = "gpu", cube)]
+#[inline(always)]
+pub(crate) fn pixels_around(scene: &Scene, at: f32, count: u32) -> PixelRange {
+    let radius = scene.settings[FILTER];
+    let most = count as f32;
+    PixelRange {
+        first: (at - 1.0 - radius).ceil().clamp(0.0, most) as u32,
+        past: ((at + radius).floor() + 1.0).clamp(0.0, most) as u32,
+    }
+}
+
+/// A range of rows or columns.
+#[apply(record!)]
+pub(crate) struct PixelRange {
+    pub first: u32,
+    pub past: u32,
+}
+
 /// Adds the derivatives due to a camera ray that follows the material at its point `y`. They are those that a fixed film
-/// point, with the derivatives `by_ray`, leaves out. `upstream` is the derivative of what the camera sees, and
-/// `by_throughput` its product with the reflected light; `pixel` is the center of the pixel.
+/// point, with the derivatives `by_ray`, leaves out. `upstream` is the derivative of what the camera sees, `slopes` its slope
+/// on the film, and `radiance` the light of the path.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn follow_on_film(
@@ -272,10 +322,10 @@ pub(crate) fn follow_on_film(
     sums: &Sums,
     c: &Camera,
     ray: &CameraRay,
-    pixel: V2,
     y: &Point,
     upstream: &Seen,
-    by_throughput: V3,
+    slopes: &FilmSlopes,
+    radiance: V3,
     time: f32,
     by_ray: &RayGradient,
 ) {
@@ -290,23 +340,20 @@ pub(crate) fn follow_on_film(
         let share = 1.0 - left.part;
         if share > 0.0 {
             let seen = Seen {
-                radiance: emitted(scene, y) - scene.expected(scene.material_of(y.triangle)),
+                radiance: radiance - scene.expected(scene.material_of(y.triangle)),
                 opacity: 1.0f32.runtime(),
                 depth: y.distance,
                 normal,
             };
-            let light = by_throughput.element_sum() + upstream.jump(&seen);
+            let light = upstream.jump(&seen);
             let counts = share * light;
             let mut by_camera = CameraGradient::default();
-            let film = c.film_point(ray);
-            let radius = scene.settings[FILTER];
-            let slope_x = filter_slope(film.x - pixel.x, radius);
-            let slope_y = filter_slope(film.y - pixel.y, radius);
+            let per_density = share / max(slopes.density, 1e-12);
             let of_light = c.film_backward(ray, by_ray.origin, by_ray.direction);
             let of_left = c.film_backward(ray, left.by_ray.origin, left.by_ray.direction);
             let by_film = v2(
-                of_light.x * share + slope_x * counts - of_left.x * light,
-                of_light.y * share + slope_y * counts - of_left.y * light,
+                of_light.x * share + slopes.x.jump(&seen) * per_density - of_left.x * light,
+                of_light.y * share + slopes.y.jump(&seen) * per_density - of_left.y * light,
             );
             let at = y.position;
             let mut by_point =

@@ -4,8 +4,9 @@ use std::collections::HashMap;
 
 use crate::kernel::view::View;
 use crate::kernel::walk::Seen;
-use crate::model::V2;
 use crate::model::film::{CELL, NEIGHBORS, cell_at};
+use crate::model::{V2, v2};
+use crate::trace::{FilmSlopes, Scene, pixels_around};
 
 /// Derivatives of the loss with respect to the pixels of an image, each of which is the mean of its samples.
 pub(crate) struct PixelGradients {
@@ -79,6 +80,27 @@ impl PixelGradients {
             Some(which) => *which.get(&pixel)?,
         };
         Some(&self.values[i as usize])
+    }
+
+    /// Returns the slope of the derivative of the loss at a film point, or `None` if not all pixels of the image are known.
+    pub fn slopes(&self, scene: &Scene, at: V2) -> Option<FilmSlopes> {
+        if self.which.is_some() {
+            return None;
+        }
+        let mut slopes = FilmSlopes::default();
+        let [rows, columns] = [(at.y, self.height), (at.x, self.width)]
+            .map(|(at, count)| pixels_around(scene, at, count));
+        for y in rows.first..rows.past {
+            for x in columns.first..columns.past {
+                let g = &self.values[(y * self.width + x) as usize];
+                // Pixels on which the loss doesn't depend have no samples.
+                if *g != Seen::default() {
+                    let offset = v2(at.x - x as f32 - 0.5, at.y - y as f32 - 0.5);
+                    slopes.add(scene, g, offset);
+                }
+            }
+        }
+        Some(slopes)
     }
 
     /// Returns how much the loss depends on the pixels around a point.

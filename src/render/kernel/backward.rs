@@ -133,19 +133,19 @@ impl Backward {
             })
             .collect();
         let count = upstream.iter().filter(|p| p.1 != Seen::default()).count();
-        let mut film = None;
-        if view.has_edges {
-            let pixels = PixelGradients::new(&upstream, view);
-            let edges = FilmEdges::new(view, &pixels);
-            film = (!edges.is_empty()).then(|| Film {
-                edges,
-                pixels,
-                samples: samples_of_film(count as u32, self.samples),
-            });
-        }
+        let follows = view.lists().follows_on_film();
+        let pixels = view.has_edges || follows;
+        let pixels = pixels.then(|| PixelGradients::new(&upstream, view));
+        let edges = pixels.as_ref().filter(|_| view.has_edges);
+        let edges = edges.map(|pixels| FilmEdges::new(view, pixels));
+        let film = edges.filter(|edges| !edges.is_empty()).map(|edges| Film {
+            edges,
+            samples: samples_of_film(count as u32, self.samples),
+        });
         LossGradient {
             upstream,
             paths: count as u64 * u64::from(self.samples),
+            pixels,
             film,
         }
     }
@@ -177,16 +177,18 @@ impl Backward {
         };
         let ranges: Vec<Range<u32>> = tiles.iter().map(|tiles| range(tiles)).collect();
         let empty = all.empty(0..view.settings.width * view.settings.height);
+        let around = loss.pixels.as_ref().map(|pixels| (pixels, per_sample));
         let mut of_pixels = |searches, chosen: &(dyn Fn(u32) -> bool + Sync)| {
             add_in_order(&ranges, all, |i, work, sums| {
                 for tile in tiles[i] {
                     let pixels = &upstream[tile.first..tile.first + tile.pixels];
                     let pixels: Vec<_> = pixels.iter().filter(|p| chosen(p.0)).copied().collect();
-                    view.backward(&pixels, typical, searches, tile.from..tile.to, work, sums);
+                    let samples = tile.from..tile.to;
+                    view.backward(&pixels, around, typical, searches, samples, work, sums);
                 }
             })
         };
-        let film = &loss.film;
+        let film = loss.film.as_ref().zip(loss.pixels.as_ref());
         let mut shares = [1.0; KINDS];
         let first = |pixel: u32| hashed(pixel).is_multiple_of(FIRST);
         let counted = upstream
@@ -195,8 +197,10 @@ impl Backward {
         let enough = loss.paths >= MIN_PATHS && counted.count() >= MIN_FIRST_PIXELS;
         if self.shares && jumps && enough {
             let mut yields = of_pixels(usual, &first).times(f64::from(FIRST));
-            if let Some(film) = film {
-                yields += film.first(view, &empty).times(f64::from(FIRST_ON_FILM));
+            if let Some((film, pixels)) = film {
+                yields += film
+                    .first(view, pixels, &empty)
+                    .times(f64::from(FIRST_ON_FILM));
             }
             shares = yields.shares(samples_log);
             let searches = std::array::from_fn(|kind| usual[kind] * shares[kind]);
@@ -204,9 +208,10 @@ impl Backward {
         } else {
             of_pixels(usual, &|_| true);
         }
-        if let Some(film) = film {
+        if let Some((film, pixels)) = film {
             let count = (film.samples as f32 * shares[ON_FILM]) as u32;
-            film.add(view, 0..count.clamp(1, MAX_EDGE_SAMPLES), accumulators, all);
+            let samples = 0..count.clamp(1, MAX_EDGE_SAMPLES);
+            film.add(view, pixels, samples, accumulators, all);
         }
     }
 }
@@ -250,6 +255,8 @@ struct LossGradient {
     upstream: Vec<(u32, Seen)>,
     /// The number of paths in pixels with a nonzero derivative.
     paths: u64,
+    /// The same for edges and rays that move on the film.
+    pixels: Option<PixelGradients>,
     /// The edges on the film, if there are any.
     film: Option<Film>,
 }
@@ -257,7 +264,6 @@ struct LossGradient {
 /// The edges on a film.
 struct Film {
     edges: FilmEdges,
-    pixels: PixelGradients,
     /// The usual number of samples.
     samples: u32,
 }
@@ -267,27 +273,28 @@ impl Film {
     fn add(
         &self,
         view: &View,
+        pixels: &PixelGradients,
         samples: Range<u32>,
         accumulators: usize,
         all: &mut HostSums,
     ) -> Yields {
         let count = samples.len() as u32;
         let each = count.div_ceil(accumulators as u32).max(256);
-        let pixels = 0..view.settings.width * view.settings.height;
-        let parts = vec![pixels; count.div_ceil(each) as usize];
+        let all_pixels = 0..view.settings.width * view.settings.height;
+        let parts = vec![all_pixels; count.div_ceil(each) as usize];
         add_in_order(&parts, all, |i, work, sums| {
             let first = samples.start + i as u32 * each;
             let range = first..(first + each).min(samples.end);
-            view.film_backward(&self.edges, &self.pixels, range, count, work, sums);
+            view.film_backward(&self.edges, pixels, range, count, work, sums);
         })
     }
 
     /// Measures the variance and cost of a few edge samples, with independent random numbers.
-    fn first(&self, view: &View, empty: &HostSums) -> Yields {
+    fn first(&self, view: &View, pixels: &PixelGradients, empty: &HostSums) -> Yields {
         let count = self.samples.div_ceil(FIRST_ON_FILM);
         let mut sums = empty.empty(0..view.settings.width * view.settings.height);
         let pilot = MAX_EDGE_SAMPLES..MAX_EDGE_SAMPLES + count;
-        let mut yields = self.add(view, pilot, 4, &mut sums);
+        let mut yields = self.add(view, pixels, pilot, 4, &mut sums);
         // Each sample was one of `count`. Squares fall as the number of samples grows.
         let of = &mut yields.edges[ON_FILM];
         of.squares /= f64::from(FIRST_ON_FILM).powi(2);
