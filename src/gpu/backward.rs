@@ -17,9 +17,10 @@ use crate::model::numbers::is_nonzero;
 use crate::model::{Four, V3, splat};
 use crate::sampling::EmitterPlace;
 use crate::trace::{
-    Arrived, CONE, NONE, Point, PointGradient, RayGradient, Scene, Seen, Sums, add_to_camera,
-    emitters_of, follow_backward, follow_on_film, leave_backward, light_backward, map_backward,
-    map_of, middle_of, point_backward, receiver_of, seen_backward, sky_backward, target_of,
+    Arrived, CONE, FilmSlopes, NONE, Point, PointGradient, RayGradient, Scene, Seen, Sums,
+    add_to_camera, emitters_of, follow_backward, follow_on_film, leave_backward, light_backward,
+    map_backward, map_of, middle_of, point_backward, receiver_of, seen_backward, sky_backward,
+    target_of,
 };
 
 /// A point of a path in the backward pass.
@@ -94,6 +95,7 @@ pub(super) fn path_backward(
     room: Room,
     which: PathAt,
     upstream: Seen,
+    slopes: &FilmSlopes,
     channel: u32,
 ) {
     let mut memory = Memory::new(scene);
@@ -158,8 +160,8 @@ pub(super) fn path_backward(
                 room,
                 &path,
                 &v,
-                which.pixel,
                 &upstream,
+                slopes,
                 by_throughput,
                 by_ray,
             );
@@ -187,25 +189,16 @@ fn followed_backward(
     room: Room,
     path: &Beginning,
     v: &Vertex,
-    pixel: u32,
     upstream: &Seen,
+    slopes: &FilmSlopes,
     by_throughput: V3,
     by_ray: RayGradient,
 ) -> RayGradient {
     let mut by = by_ray;
     if v.number == 0 {
-        let (c, middle) = (camera(scene), middle_of(scene, pixel));
+        let (c, light) = (camera(scene), room.light(records));
         follow_on_film(
-            scene,
-            sums,
-            &c,
-            &path.ray,
-            middle,
-            &v.point,
-            upstream,
-            by_throughput,
-            path.time,
-            &by_ray,
+            scene, sums, &c, &path.ray, &v.point, upstream, slopes, light, path.time, &by_ray,
         );
     } else {
         let before = v.number - 1;

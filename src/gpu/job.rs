@@ -133,7 +133,7 @@ pub(super) struct Paths {
     /// The width of images whose pixels are rendered in tiles, otherwise 0.
     tiled: u32,
     #[cube(comptime)]
-    listed: bool,
+    pub listed: bool,
 }
 
 /// The width and height of the tiles of pixels that neighboring threads take. Their rays are more alike than those of a

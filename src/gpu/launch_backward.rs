@@ -16,7 +16,7 @@ use super::loss::LossLaunch;
 use super::pace::Pace;
 use super::passes::{add_jumps, go_back, keep_paths};
 use super::placed::ViewPlaces;
-use super::records::{JUMPED, RECORD};
+use super::records::{JUMPED, OF_PATH, RECORD};
 use super::searches::{add_before, blocks_of, in_order, words_of_order};
 use super::sums::{AddingLaunch, MORE, OF_THREAD, add_replicas, bits_of_each, choose_scales};
 use crate::device::{self, label};
@@ -383,7 +383,7 @@ fn points_of(job: &Job, paths: usize) -> usize {
 fn of_path(job: &Job, form: Form) -> usize {
     let channels = Outputs::channels_of_radiance(form.is_forward());
     let jumped = channels * JUMPED * u32::from(job.views.derivatives.jumps);
-    (RECORD + jumped) as usize * points(job) + 1
+    (RECORD + jumped) as usize * points(job) + OF_PATH as usize
 }
 
 /// Returns approximately the maximum number of derivatives that a launch adds to a sum.

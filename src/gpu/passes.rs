@@ -5,9 +5,9 @@
 use crate::cube::*;
 
 use super::backward::path_backward;
-use super::camera::begin;
+use super::camera::{begin, camera};
 use super::hit::Memory;
-use super::job::{Outputs, Paths};
+use super::job::{Outputs, PathAt, Paths};
 use super::jumps::{jumps_seen_from, searches_of};
 use super::loss::Loss;
 use super::path::path_light;
@@ -16,7 +16,10 @@ use super::searches::{Order, count_searches};
 use super::sums::{Adding, of_channel};
 use super::walk::Start;
 use crate::model::numbers::is_nonzero;
-use crate::trace::{Derivatives, NONE, Observer, Scene};
+use crate::model::v2;
+use crate::trace::{
+    Derivatives, FilmSlopes, NONE, Observer, Scene, Seen, middle_of, pixels_around,
+};
 
 /// Returns the room for a path's records.
 #[cube]
@@ -50,7 +53,7 @@ pub(super) fn keep_paths(paths: Paths, loss: Loss, records: &mut [u32], #[compti
             true,
         );
         points = light.points;
-        records[room.points()] = points;
+        room.keep_path(records, points, light.seen.radiance);
     }
     if comptime!(jumps) {
         count_searches(&scene, &loss, records, &room, which, points);
@@ -128,6 +131,40 @@ pub(super) fn add_jumps(
     }
 }
 
+/// Returns the slope of the derivative of the loss at the film point of a path, whose pixel has the derivatives `g`. Without
+/// those of all pixels, it is that of the pixel's own filter.
+#[cube]
+fn film_slopes(paths: &Paths, loss: &Loss, scene: &Scene, which: PathAt, g: &Seen) -> FilmSlopes {
+    let mut slopes = FilmSlopes::default();
+    if scene.follows_on_film() {
+        let path = begin(scene, which.pixel, which.sample);
+        let at = camera(scene).film_point(&path.ray);
+        if comptime!(loss.forward || paths.listed) {
+            let middle = middle_of(scene, which.pixel);
+            slopes.add(scene, g, v2(at.x - middle.x, at.y - middle.y));
+        } else {
+            let first = which.row - which.pixel;
+            let rows = pixels_around(scene, at.y, scene.height);
+            let columns = pixels_around(scene, at.x, scene.width);
+            let mut y = rows.first;
+            while y < rows.past {
+                let mut x = columns.first;
+                while x < columns.past {
+                    let own = loss.of_row(scene, first + y * scene.width + x);
+                    // Pixels on which the loss doesn't depend have no samples.
+                    if is_nonzero(own.size()) {
+                        let offset = v2(at.x - x as f32 - 0.5, at.y - y as f32 - 0.5);
+                        slopes.add(scene, &own, offset);
+                    }
+                    x += 1;
+                }
+                y += 1;
+            }
+        }
+    }
+    slopes
+}
+
 /// Adds the derivatives along recorded paths, times the derivatives of the loss with respect to the pixels' rows, to
 /// the sums. Forward mode has a thread for each path and channel.
 #[cube(launch)]
@@ -143,7 +180,8 @@ pub(super) fn go_back(paths: Paths, loss: Loss, records: &mut [u32], adding: Add
         let g = loss.of_channel(&loss.of_row(&scene, which.row), channel);
         if is_nonzero(g.size()) {
             let room = room_of(thread, threads, scene.bounces, loss.forward);
-            path_backward(&scene, records, &sums, room, which, g, channel);
+            let slopes = film_slopes(&paths, &loss, &scene, which, &g);
+            path_backward(&scene, records, &sums, room, which, g, &slopes, channel);
         }
     }
 }

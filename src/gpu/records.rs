@@ -22,8 +22,10 @@ pub(super) const SAW_MAP_ALONG: u32 = 1 << 29;
 pub(super) const WENT_ON: u32 = 1 << 30;
 pub(super) const ESCAPED: u32 = 1 << 31;
 /// Number of words of a point's derivatives from jumps, for each channel of radiance of forward mode. They lie behind the
-/// path's records and the number of its points.
+/// path's records, the number of its points and its light.
 pub(super) const JUMPED: u32 = 14;
+/// Number of words of a path: the number of its points, and its light.
+pub(super) const OF_PATH: u32 = 4;
 
 /// The layout of the words of a path: each word is stored for all threads, then the next word.
 #[apply(record!)]
@@ -68,7 +70,7 @@ impl Room {
     }
 
     /// Returns the index of a word of a point's record. The record after the last possible point stores the number of
-    /// points and the derivatives from jumps.
+    /// points, the path's light and the derivatives from jumps.
     pub fn at(&self, point: u32, word: u32) -> usize {
         ((point * RECORD + word) * self.threads + self.thread) as usize
     }
@@ -81,7 +83,18 @@ impl Room {
     /// Returns the number of words of the records of all paths, including the derivatives from jumps.
     pub fn words(&self) -> u32 {
         let points = self.bounces + 1;
-        (points * (RECORD + self.channels * JUMPED) + 1) * self.threads
+        (points * (RECORD + self.channels * JUMPED) + OF_PATH) * self.threads
+    }
+
+    /// Stores the number of a path's points and its light.
+    pub fn keep_path(&self, records: &mut [u32], points: u32, light: V3) {
+        records[self.points()] = points;
+        self.keep_vector(records, self.bounces + 1, 1u32, light);
+    }
+
+    /// Returns the light of a path.
+    pub fn light(&self, records: &mut [u32]) -> V3 {
+        self.vector(records, self.bounces + 1, 1u32)
     }
 
     fn keep_vector(&self, records: &mut [u32], point: u32, word: u32, v: V3) {
@@ -122,7 +135,7 @@ impl Room {
 
     /// Returns the first word of the derivatives of a channel from jumps at a point.
     fn jumped(&self, point: u32, channel: u32) -> u32 {
-        1 + (point * self.channels + channel) * JUMPED
+        OF_PATH + (point * self.channels + channel) * JUMPED
     }
 
     /// Stores the derivatives of a channel from jumps at a point.

@@ -184,7 +184,7 @@ impl Backward {
                     let pixels = &upstream[tile.first..tile.first + tile.pixels];
                     let pixels: Vec<_> = pixels.iter().filter(|p| chosen(p.0)).copied().collect();
                     let samples = tile.from..tile.to;
-                    view.backward(&pixels, around, typical, searches, samples, work, sums);
+                    view.backward(&pixels, around, (typical, searches), samples, work, sums);
                 }
             })
         };
