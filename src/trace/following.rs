@@ -7,6 +7,11 @@
 //! surface is seen at a grazing angle; but ∇·(F V) has noise in proportion to F. So V = V₀ + (1 − u)(v − V₀), where u is
 //! the part that is left of V₀ ([`Scene::left_at`]).
 //!
+//! For the directions of a bounce, V₀ is that of fixed random numbers: ∇·(F V₀) is the attached derivative A minus the
+//! detached one D. So the derivative is u A + (1 − u) (D + ∇·(F v)) + F ∇u·(V₀ − v). The terms in v are those of
+//! [`follow_backward`], and the others those of [`Shading::sample_backward`]. On the film, ∇·(F V) times the pixel filters is
+//! − F V·∇ of the loss between pixels ([`FilmSlopes`]).
+//!
 //! ∇·(F v) contains the derivative of the solid angle, or of the area on the film, in which the material is seen. F is taken
 //! without a constant for each material ([`Scene::expected`]). The rest, an integral of a constant over what is seen, changes
 //! only at edges, which take the same constant off.
