@@ -5,7 +5,7 @@ use std::ops::Deref;
 
 use macro_rules_attribute::apply;
 
-use super::boundary::PixelGradients;
+use super::pixels::PixelGradients;
 use super::shares::SEARCHED;
 use super::walk::{Back, Lanes, Level, PathBlock, Seen, Walks, Way, Work};
 use crate::accel::{NOTHING, stage};

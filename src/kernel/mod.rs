@@ -16,6 +16,7 @@ mod eights;
 mod gradient;
 mod lists;
 mod path;
+mod pixels;
 mod scene;
 mod shares;
 mod tangents;
@@ -25,7 +26,7 @@ mod tests;
 mod view;
 mod walk;
 
-pub(crate) use boundary::{FilmEdges, PixelGradients};
+pub(crate) use boundary::FilmEdges;
 #[cfg(feature = "gpu")]
 pub(crate) use edges::{
     Blocks, Bounds, DrawnEdge, LEAF, NO_EDGE, NODE, Root, TreeShape, draw_edge, put_edge,
@@ -35,6 +36,7 @@ pub(crate) use edges::{EdgeSets, LastEdges};
 #[cfg(feature = "gpu")]
 pub(crate) use gradient::Rows;
 pub(crate) use gradient::{HostSums, Wanted};
+pub(crate) use pixels::PixelGradients;
 pub(crate) use scene::KernelScene;
 pub(crate) use shares::{KINDS, ON_FILM, SEARCHED, SHADOWS, Yields};
 pub(crate) use tasks::Counted;

@@ -122,17 +122,10 @@ impl PathBlock<'_> {
     /// Returns the point that a ray hit.
     #[inline(always)]
     fn point(&self, hit: Hit, ray: &HitRay, bounce: u32) -> Point {
-        let (origin, direction, t) = (V3::from(ray.origin), V3::from(ray.direction), hit.t);
-        let near = origin + direction * t;
-        point_at(
-            &self.lists,
-            hit.triangle,
-            near,
-            t,
-            direction,
-            ray.time,
-            bounce,
-        )
+        let (direction, Hit { t, triangle }) = (V3::from(ray.direction), hit);
+        let near = V3::from(ray.origin) + direction * t;
+        let (lists, time) = (&self.lists, ray.time);
+        point_at(lists, triangle, near, t, direction, time, bounce)
     }
 }
 

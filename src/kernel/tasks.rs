@@ -5,8 +5,8 @@ use std::ops::Range;
 use macro_rules_attribute::apply;
 
 use super::backward::Return;
-use super::boundary::PixelGradients;
 use super::gradient::HostSums;
+use super::pixels::PixelGradients;
 use super::shares::SEARCHED;
 use super::view::{Tracer, View};
 use super::walk::{Kept, Path, PathBlock, Paths, RUN, Seen, TOGETHER, Walks, Work};

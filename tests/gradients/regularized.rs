@@ -1,6 +1,7 @@
 //! Path-space regularization: the engines agree, gradients are those of the regularized image, and caustics have less
 //! noise.
 
+use crate::common::errors::{message, says};
 use crate::common::facets::{ETA, EXTINCTION, facet_cases};
 use crate::common::gradients::{CONES, Effort, Setup, all_classes, assert_agreement};
 use crate::common::long;
@@ -126,4 +127,12 @@ fn the_first_surface_keeps_its_roughness() {
     assert_eq!(a, b);
     let [a, b] = [options, regularized].map(|o| radiance(&scene, &camera, &o.with_bounces(1)));
     assert_ne!(a, b);
+}
+
+#[test]
+fn a_least_roughness_is_between_0_and_1() {
+    for least in [0.0, 1.5, f64::NAN] {
+        let options = RenderOptions::new(4, 4).with_path_regularization(least);
+        says(message(options.check()), ["path_regularization", "(0, 1]"]);
+    }
 }

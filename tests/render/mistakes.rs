@@ -373,12 +373,6 @@ fn options() {
             with(small().with_indirect_clamp(limit))
         });
     }
-    for least in [0.0, 1.5, f64::NAN] {
-        let fields = ["path_regularization", "(0, 1]"];
-        mistakes.expect("a least roughness out of range", &fields, || {
-            with(small().with_path_regularization(least))
-        });
-    }
     mistakes.expect("a pass too many", &["pass", "4 of 4", "less than"], || {
         with(small().with_samples(8).with_pass(4, 4))
     });

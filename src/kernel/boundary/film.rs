@@ -10,9 +10,9 @@ use macro_rules_attribute::apply;
 
 use super::beside::light_beside;
 use super::film_edges::FilmEdges;
-use super::pixels::PixelGradients;
 use crate::accel::stage;
 use crate::kernel::gradient::HostSums;
+use crate::kernel::pixels::PixelGradients;
 use crate::kernel::shares::ON_FILM as FILM;
 use crate::kernel::view::{Tracer, View};
 use crate::kernel::walk::{Path, Seen, TOGETHER, Work};

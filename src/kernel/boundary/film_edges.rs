@@ -1,6 +1,6 @@
 //! The choice of an edge, and of a point on it, on the film.
 
-use super::pixels::PixelGradients;
+use crate::kernel::pixels::PixelGradients;
 use crate::kernel::view::View;
 use crate::model::film::{BLOCK, draw_piece};
 use crate::model::segment::OnSegment;

@@ -70,7 +70,7 @@ impl PixelGradients {
     }
 
     /// Returns the derivatives with respect to the pixel in which a film point lies.
-    pub(super) fn get(&self, x: f32, y: f32) -> Option<&Seen> {
+    pub fn get(&self, x: f32, y: f32) -> Option<&Seen> {
         if !(x >= 0.0 && y >= 0.0 && x < self.width as f32 && y < self.height as f32) {
             return None;
         }
@@ -104,7 +104,7 @@ impl PixelGradients {
     }
 
     /// Returns how much the loss depends on the pixels around a point.
-    pub(super) fn near(&self, at: V2) -> f32 {
+    pub fn near(&self, at: V2) -> f32 {
         self.cells[cell_at(at.x, at.y, self.width, self.height) as usize]
     }
 }
