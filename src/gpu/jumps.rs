@@ -280,16 +280,8 @@ fn normals_beside(scene: &Scene, a: &Approach, behind: &Hit, time: f32, bounce: 
     while side < 2 {
         let on_plus = side == 1;
         let at = beside(scene, a, behind, on_plus, time);
-        let (distance, direction) = (at.distance, at.direction);
-        let point = point_at(
-            scene,
-            at.triangle,
-            at.near,
-            distance,
-            direction,
-            time,
-            bounce,
-        );
+        let (k, r, direction) = (at.triangle, at.distance, at.direction);
+        let point = point_at(scene, k, at.near, r, direction, time, bounce);
         if on_plus {
             found.pair.second = point.shading.normal;
         } else {

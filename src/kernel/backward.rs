@@ -241,7 +241,7 @@ fn points_backward<'a>(
         } else if interior {
             let (c, ray) = (&to.camera, &to.walks.cameras.get(path));
             let g = &sums.of_channel(upstream, channel);
-            if to.lists.follows_on_film() {
+            if to.lists.follows_on_film() && to.lists.is_followed(point.material) {
                 let slopes = &to.slopes(path, g);
                 let radiance = to.walks.list[path].light.radiance;
                 follow_on_film(

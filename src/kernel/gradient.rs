@@ -165,6 +165,7 @@ impl HostSums {
         }
     }
 
+    /// Returns whether these are derivatives of pixels.
     pub fn is_forward(&self) -> bool {
         self.forward.is_some()
     }

@@ -268,9 +268,9 @@ pub(crate) const FOLLOWED: u32 = GLOSSY | (7 * MODEL);
 pub(crate) const GLOWS: u32 = 8 * MODEL;
 
 /// Settings of a view: the camera, the tangent of the half-angle of cones, scene units per unit of the lists, the limit
-/// of indirect light, the least roughness after a bounce, 1 over the distance at which directions follow glossy faces by half (0 if they never do, −1 if no
-/// ray follows the material), the radius of the pixel filter, or 0 if camera rays follow nothing, and the factor by which
-/// edges that rest count less on the film.
+/// of indirect light, the least roughness after a bounce, 1 over the distance at which directions follow glossy faces by
+/// half (0 if they never do, −1 if no ray follows the material), the radius of the pixel filter, or 0 if camera rays follow
+/// nothing, and the factor by which edges that rest count less on the film.
 pub(crate) const CONE: usize = camera::NUMBERS;
 pub(crate) const UNIT: usize = CONE + 1;
 pub(crate) const CLAMP: usize = UNIT + 1;
