@@ -8,7 +8,7 @@ use burn::tensor::Tensor;
 
 use super::{
     CameraParams, EnvironmentParams, LensParams, MaterialParams, MeshOffsets, MeshParams,
-    NormalMapParams, RigidTransform, TextureParams,
+    NormalMapParams, RigidTransform, TextureParams, ViewpointParams,
 };
 use crate::debug::{Text, parameter};
 
@@ -53,4 +53,4 @@ macro_rules! debug {
     )*};
 }
 
-debug!(CameraParams EnvironmentParams LensParams MaterialParams MeshOffsets MeshParams NormalMapParams RigidTransform TextureParams);
+debug!(CameraParams EnvironmentParams LensParams MaterialParams MeshOffsets MeshParams NormalMapParams RigidTransform TextureParams ViewpointParams);

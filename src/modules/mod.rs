@@ -1,7 +1,8 @@
 //! Parts of scenes as burn modules, with parameters for optimizers, records and files; a renderer and a loss.
 //!
 //! Each type turns its parameters into a part of a [`Scene`](crate::scene::Scene): [`MeshParams`] and
-//! [`MeshOffsets`] into a mesh, [`RigidTransform`] into a transform, [`CameraParams`] into a camera,
+//! [`MeshOffsets`] into a mesh, [`RigidTransform`] into a transform, [`CameraParams`] into a camera, [`ViewpointParams`] into
+//! the cameras of photographs,
 //! [`TextureParams`] into a texture, [`NormalMapParams`] into a normal map, [`EnvironmentParams`] into an
 //! environment, [`MaterialParams`] into a material.
 //!
@@ -85,6 +86,7 @@ mod store;
 mod texture;
 mod transform;
 mod values;
+mod viewpoints;
 
 pub use camera::{Aim, AimForm, CameraParams, CameraParamsConfig, LensParams};
 pub use loss::{RenderLoss, RenderLossConfig};
@@ -99,3 +101,4 @@ pub use texture::{
 };
 pub use transform::{RigidTransform, RigidTransformConfig, RotationForm};
 pub use values::cast;
+pub use viewpoints::ViewpointParams;

@@ -39,6 +39,9 @@ use crate::scene::BsdfKind;
 const GRAZING: f32 = 0.8;
 const LOW_GRAZING: f32 = 0.2;
 
+/// The roughness below which directions to an environment map turn with the lobe.
+const POLISHED: f32 = 0.12;
+
 /// Where a ray comes from that may follow the material.
 #[apply(record!)]
 pub(crate) struct Origin {
@@ -74,6 +77,17 @@ impl<'a> Scene<'a> {
             turning = shading.turning(direction, of_gloss);
         }
         turning
+    }
+
+    /// Returns whether the directions turn in which light of an environment map arrives, as those do that are sampled from
+    /// the BSDF. Otherwise they are fixed: a narrow lobe that moves over fixed directions has much noise.
+    #[inline(always)]
+    pub fn turns_to_map(&self, shading: &Shading) -> bool {
+        let mut turns = false;
+        if comptime!(self.features.glossy && self.features.gathers_map && !self.features.cones) {
+            turns = shading.is_smoother_than(POLISHED);
+        }
+        turns
     }
 
     /// Returns whether camera rays may follow the material. A filter without a slope cannot move, and the widths of cones

@@ -316,7 +316,13 @@ pub(crate) fn reflected_backward(
 ) -> f32 {
     let shading = o.point.shading;
     let mut scale = e.carried.dot(light.jump.radiance);
-    let turns = e.carried.dot(light.turns);
+    let mut turns = e.carried.dot(light.turns);
+    if comptime!(scene.features.gathers_map) && light.jump.opacity != 0.0 {
+        let of_map = e.carried.dot(sky(scene, e.axis)) * light.jump.opacity;
+        scale -= of_map;
+        // Other directions to a map are fixed.
+        turns -= select(scene.turns_to_map(&shading), of_map, 0.0);
+    }
     let by_axis = jump.motion.edge.by_axis;
     if comptime!(scene.features.glossy) && s.follows {
         // Directions on a side follow its material in part.
@@ -340,10 +346,6 @@ pub(crate) fn reflected_backward(
         let drawn = shading.as_drawn(e.axis, s.of_gloss);
         let part = scene.turning(&shading, e.axis, s.of_gloss).part;
         shading.direction_backward(&drawn, by_axis * (turns * part), &mut by.shading);
-    }
-    if comptime!(scene.features.gathers_map) && light.jump.opacity != 0.0 {
-        // Directions to a map are fixed.
-        scale -= e.carried.dot(sky(scene, e.axis)) * light.jump.opacity;
     }
     e.backward(scene, sums, o, jump, scale, time, by)
 }

@@ -229,8 +229,8 @@ pub(crate) fn light_backward(
     found.throughput
 }
 
-/// Backward pass of light of an environment map along a fixed direction; returns the derivative with respect to the
-/// throughput.
+/// Backward pass of light of an environment map along a direction, which is fixed, or turns with the lobes of a polished
+/// surface; returns the derivative with respect to the throughput.
 #[cfg_attr(feature = "gpu", cube)]
 #[inline(always)]
 pub(crate) fn map_backward(
@@ -245,9 +245,29 @@ pub(crate) fn map_backward(
 ) -> V3 {
     let mut target = target;
     target.radiance = sky(scene, target.direction);
-    let found = target.backward(&point.shading, arrived, g, throughput, &mut by.shading);
-    if comptime!(sums.of.sky) {
-        sky_backward(scene, sums, target.direction, found.radiance);
+    let shading = point.shading;
+    let found = target.backward(&shading, arrived, g, throughput, &mut by.shading);
+    let turns = scene.turns_to_map(&shading);
+    let mut by_direction = splat(0.0);
+    if comptime!(sums.of.sky) || turns {
+        by_direction = sky_backward(scene, sums, target.direction, found.radiance);
+    }
+    if comptime!(scene.features.glossy) && turns {
+        let light = g.times(throughput).times(target.radiance) * (1.0 / arrived.density);
+        let mut lobe = 0u32;
+        while lobe < 2 {
+            let of_gloss = lobe == 0;
+            let turning = scene.turning(&shading, target.direction, of_gloss);
+            shading.turn_backward(
+                target.direction,
+                of_gloss,
+                light,
+                by_direction,
+                &turning,
+                &mut by.shading,
+            );
+            lobe += 1;
+        }
     }
     found.throughput
 }

@@ -44,6 +44,16 @@ impl Shading {
         self.exponent != own
     }
 
+    /// Returns whether the surface is glossy and its lobe is narrower than that of facets of a roughness r > 0.
+    #[inline(always)]
+    pub fn is_smoother_than(&self, r: f32) -> bool {
+        let mut smoother = self.exponent < r;
+        if self.model == const { BsdfKind::Phong as u32 } {
+            smoother = self.exponent > 2.0 / (r * r * r * r) - 2.0;
+        }
+        self.glossy && smoother
+    }
+
     /// Returns the clamped metallic parameter.
     #[inline(always)]
     pub(super) fn metallic(&self) -> f32 {

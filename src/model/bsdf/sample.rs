@@ -72,26 +72,61 @@ impl Shading {
         of_parameters: bool,
         gradient: &mut ShadingGradient,
     ) {
-        let part = turning.part;
         let mut own = ShadingGradient::default();
-        let mut by_drawn = by_direction * part + self.weight_backward(s, g * part, &mut own);
-        by_drawn += turning.by_direction * g.dot(s.weight);
-        self.direction_backward(s, by_drawn, &mut own);
+        self.turned(s, g, by_direction, turning, &mut own);
         let mut fixed = ShadingGradient::default();
         let of_parameters = of_parameters && !self.scatters_evenly();
-        if (of_parameters || part < 1.0) && !s.weight.is_zero() {
+        if (of_parameters || turning.part < 1.0) && !s.weight.is_zero() {
             let density = self.density(s.direction);
             if density > IMPOSSIBLE {
                 self.evaluate_backward(s.direction, g * (1.0 / density), &mut fixed);
             }
         }
-        let held = 1.0 - part;
-        gradient.geometric += own.geometric + fixed.geometric * held;
-        gradient.normal += own.normal + fixed.normal * held;
-        gradient.incoming += own.incoming + fixed.incoming * held;
-        gradient.diffuse += own.diffuse + fixed.diffuse * held;
+        gradient.add_turned(&own, &fixed, 1.0 - turning.part);
         gradient.specular += fixed.specular;
         gradient.exponent += fixed.exponent;
+    }
+
+    /// Adds the derivatives of g·weight + by_direction·direction of a direction that turns at fixed random numbers.
+    #[inline(always)]
+    fn turned(
+        &self,
+        s: &Scatter,
+        g: V3,
+        by_direction: V3,
+        turning: &Turning,
+        own: &mut ShadingGradient,
+    ) {
+        let mut by_drawn = by_direction * turning.part;
+        by_drawn += self.weight_backward(s, g * turning.part, own);
+        by_drawn += turning.by_direction * g.dot(s.weight);
+        self.direction_backward(s, by_drawn, own);
+    }
+
+    /// Adds ∇·(F V₀) for a direction from any source, where F is the light g·f·cos θ that arrives along it and V₀ the velocity
+    /// of directions that are sampled from one of the lobes. `by_direction` is the derivative of F with respect to the
+    /// direction due to the light that arrives.
+    #[inline(always)]
+    pub fn turn_backward(
+        &self,
+        direction: V3,
+        of_gloss: bool,
+        g: V3,
+        by_direction: V3,
+        turning: &Turning,
+        gradient: &mut ShadingGradient,
+    ) {
+        let share = self.share_of_lobe(direction, of_gloss);
+        if share > 0.0 {
+            let mut drawn = self.as_drawn(direction, of_gloss);
+            drawn.weight = self.weight(direction);
+            let mut own = ShadingGradient::default();
+            let by_weight = g * (share * self.density(direction));
+            self.turned(&drawn, by_weight, by_direction * share, turning, &mut own);
+            let mut fixed = ShadingGradient::default();
+            self.evaluate_backward(direction, g * share, &mut fixed);
+            gradient.add_turned(&own, &fixed, -turning.part);
+        }
     }
 
     /// Returns the sample of a lobe that has a given direction.
@@ -107,6 +142,19 @@ impl Shading {
         };
         self.set_numbers(&mut drawn);
         drawn
+    }
+}
+
+#[cfg_attr(feature = "gpu", cube)]
+impl ShadingGradient {
+    /// Adds derivatives along a direction that turns, and those along a fixed one times a factor, with respect to what turns
+    /// directions.
+    #[inline(always)]
+    fn add_turned(&mut self, turned: &ShadingGradient, fixed: &ShadingGradient, factor: f32) {
+        self.geometric += turned.geometric + fixed.geometric * factor;
+        self.normal += turned.normal + fixed.normal * factor;
+        self.incoming += turned.incoming + fixed.incoming * factor;
+        self.diffuse += turned.diffuse + fixed.diffuse * factor;
     }
 }
 
