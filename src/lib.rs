@@ -74,6 +74,8 @@ mod lanes;
 mod model;
 pub mod modules;
 pub mod optim;
+#[cfg(all(feature = "photographs", not(target_family = "wasm")))]
+pub mod photographs;
 #[cfg(feature = "remote")]
 pub mod remote;
 pub mod render;

@@ -73,7 +73,7 @@ impl Decoded {
     }
 }
 
-fn malformed(path: &Path) -> impl Fn(ImageError) -> Error {
+pub(super) fn malformed(path: &Path) -> impl Fn(ImageError) -> Error {
     move |e| Error::format(path, format!("it can't be decoded: {e}"))
 }
 
@@ -94,7 +94,7 @@ pub(super) fn check_size(
 }
 
 /// Returns the decoder of an image, and whether the image's values are linear.
-fn decoder<'a>(
+pub(super) fn decoder<'a>(
     source: impl BufRead + Seek + 'a,
     path: &Path,
 ) -> Result<(impl ImageDecoder + 'a, bool)> {

@@ -12,12 +12,12 @@ use super::LoadLimits;
 use crate::error::{Error, Result, one_of};
 
 /// The contents of a file.
-pub(super) trait Source: BufRead + Seek {}
+pub(crate) trait Source: BufRead + Seek {}
 
 impl<T: BufRead + Seek> Source for T {}
 
 /// Files in memory, by their names without `.` and `..`.
-pub(super) struct MemoryFiles(BTreeMap<PathBuf, Vec<u8>>);
+pub(crate) struct MemoryFiles(BTreeMap<PathBuf, Vec<u8>>);
 
 impl MemoryFiles {
     /// # Errors
@@ -48,7 +48,7 @@ impl MemoryFiles {
 
 /// The files that a scene is read from, within limits.
 #[derive(Clone, Copy)]
-pub(super) struct Files<'a> {
+pub(crate) struct Files<'a> {
     limits: &'a LoadLimits,
     /// `None` for the file system.
     memory: Option<&'a MemoryFiles>,

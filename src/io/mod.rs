@@ -24,6 +24,8 @@ mod obj_write;
 mod ply;
 mod ply_write;
 mod polygon;
+#[cfg(all(feature = "photographs", not(target_family = "wasm")))]
+mod raster;
 mod renders;
 mod scene_file;
 mod scene_load;
@@ -35,8 +37,14 @@ mod whole;
 mod write;
 
 pub use animation::Animation;
+#[cfg(all(feature = "photographs", not(target_family = "wasm")))]
+pub(crate) use files::Files;
 pub use images::HostImage;
 pub use limits::LoadLimits;
+#[cfg(all(feature = "photographs", not(target_family = "wasm")))]
+pub(crate) use limits::parse_json;
+#[cfg(all(feature = "photographs", not(target_family = "wasm")))]
+pub(crate) use raster::Raster;
 pub use scene_file::SceneFile;
 #[cfg(feature = "fit")]
 pub(crate) use srgb::{srgb_byte, srgb_to_linear};
