@@ -71,6 +71,7 @@ pub mod gradcheck;
 pub mod io;
 mod kernel;
 mod lanes;
+pub mod meshing;
 mod model;
 pub mod modules;
 pub mod optim;

@@ -1,0 +1,46 @@
+//! Relaxation of the places where faces cross or fold.
+
+use super::super::crossing::crossing_pairs;
+use super::super::edges::Rings;
+use super::super::mesh::TriangleMesh;
+use super::super::smooth::towards_neighbors;
+use super::super::statistics::folds;
+
+/// Moves vertices of faces that cross or fold towards the mean of their neighbors, in a neighborhood that grows by one
+/// ring a round, for at most some rounds. Returns whether no face crosses another.
+pub(super) fn relaxed(mesh: &mut TriangleMesh, rounds: usize) -> bool {
+    /// The steps of a round.
+    const STEPS: usize = 4;
+    let rings = Rings::new(mesh);
+    for round in 0..rounds {
+        let mut pairs = crossing_pairs(mesh);
+        pairs.extend(folds(mesh));
+        if pairs.is_empty() {
+            return true;
+        }
+        let mut moves = vec![false; mesh.positions.len()];
+        let mut border = Vec::new();
+        for v in pairs
+            .into_iter()
+            .flatten()
+            .flat_map(|k| mesh.faces[k as usize])
+        {
+            if !std::mem::replace(&mut moves[v as usize], true) {
+                border.push(v);
+            }
+        }
+        for _ in 0..=round {
+            let mut next = Vec::new();
+            for &u in border.iter().flat_map(|&v| rings.of(v)) {
+                if !std::mem::replace(&mut moves[u as usize], true) {
+                    next.push(u);
+                }
+            }
+            border = next;
+        }
+        for _ in 0..STEPS {
+            towards_neighbors(mesh, &rings, 0.5, |v| moves[v as usize]);
+        }
+    }
+    crossing_pairs(mesh).is_empty()
+}

@@ -1,0 +1,70 @@
+//! A new surface around what a mesh encloses.
+
+use glam::DVec3;
+
+use super::super::bvh::Bvh;
+use super::super::crossing::crossing_pairs;
+use super::super::lattice::Lattice;
+use super::super::mesh::TriangleMesh;
+use super::super::parts::bodies;
+use super::super::remesh::{RemeshOptions, remesh};
+use super::super::smooth::{SmoothOptions, smooth};
+use super::super::winding::Winding;
+use super::local::relaxed;
+use crate::error::Result;
+
+/// The size of a cell of the lattice, in edges of the new mesh.
+const CELL: f64 = 0.6;
+
+/// The most cells along an axis.
+const MOST_CELLS: f64 = 2048.0;
+
+/// Makes a mesh with a given edge length around all points about which the faces wind at least half a time, by marching
+/// tetrahedra on the signed distance. It is closed, manifold and without crossings, and has no face if nothing is
+/// enclosed.
+pub(super) fn rebuilt(mesh: &TriangleMesh, length: f64, share: f64) -> Result<TriangleMesh> {
+    let bvh = Bvh::new(mesh);
+    let winding = Winding::new(&bvh);
+    let Some(root) = bvh.nodes.first() else {
+        return Ok(TriangleMesh::default());
+    };
+    let (center, size) = (
+        (root.min + root.max) / 2.0,
+        (root.max - root.min).max_element(),
+    );
+    let step = (CELL * length).max(size / (MOST_CELLS - 4.0));
+    let cells = (size / step).ceil() as u32 + 4;
+    // Not in the planes of coordinates, where models have faces.
+    let shift = DVec3::new(0.37, 0.23, 0.41) * step / 10.0;
+    let lattice = Lattice {
+        corner: center - step * f64::from(cells) / 2.0 + shift,
+        step,
+        cells,
+    };
+    let field = |point: DVec3| {
+        let near = bvh.nearest(point, f64::INFINITY, |_| true);
+        let distance = near.map_or(f64::INFINITY, |near| near.squared_distance.sqrt());
+        if winding.about(point) > 0.5 {
+            distance
+        } else {
+            -distance
+        }
+    };
+    let raw = bodies(&lattice.surface(1.0, field), share);
+    if raw.faces.is_empty() {
+        return Ok(raw);
+    }
+    let mut smoothed = smooth(&raw, &SmoothOptions::default().with_steps(2))?;
+    if !crossing_pairs(&smoothed).is_empty() {
+        smoothed = raw.clone();
+    }
+    let options = RemeshOptions::uniform(length.max(step / CELL)).with_passes(6);
+    let mut even = remesh(&smoothed, &options)?.mesh;
+    /// The rounds in which a crossing that the remeshing made may be relaxed.
+    const ROUNDS: usize = 4;
+    Ok(if relaxed(&mut even, ROUNDS) {
+        even
+    } else {
+        raw
+    })
+}
