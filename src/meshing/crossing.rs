@@ -11,10 +11,18 @@ fn volume(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
     (b - a).cross(c - a).dot(d - a)
 }
 
-/// Returns whether a segment passes from one side of a triangle to the other through the triangle.
+/// Returns whether a segment passes from one side of a triangle to the other through the triangle. Within the rounding of
+/// coordinates, its ends count as on the triangle's plane.
 fn passes([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> bool {
     let (above, below) = (volume(a, b, c, p), volume(a, b, c, q));
-    if !((above > 0.0 && below < 0.0) || (above < 0.0 && below > 0.0)) {
+    let (low, high) = (above.min(below), above.max(below));
+    if low >= 0.0 || high <= 0.0 {
+        return false;
+    }
+    let largest = p.abs().max(q.abs()).max(a.abs()).max(b.abs()).max(c.abs());
+    let size = largest.max_element();
+    let rounding = 16.0 * f64::EPSILON * size * b.distance(a) * c.distance(a);
+    if low >= -rounding || high <= rounding {
         return false;
     }
     let sides = [volume(p, q, a, b), volume(p, q, b, c), volume(p, q, c, a)];

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::bvh::Bvh;
 
 /// A node counts as one dipole from this many of its radii on.
-const FAR: f64 = 2.5;
+const FAR: f64 = 2.0;
 
 /// The faces below a node of a tree as one dipole.
 #[derive(Clone, Copy)]

@@ -7,24 +7,26 @@ use super::super::smooth::towards_neighbors;
 use super::super::statistics::folds;
 
 /// Moves vertices of faces that cross or fold towards the mean of their neighbors, in a neighborhood that grows by one
-/// ring a round, for at most some rounds. Returns whether no face crosses another.
+/// ring a round, for at most some rounds. Keeps the positions with the fewest crossings, and of these those with the
+/// fewest folds. Returns whether no face crosses another.
 pub(super) fn relaxed(mesh: &mut TriangleMesh, rounds: usize) -> bool {
     /// The steps of a round.
     const STEPS: usize = 4;
     let rings = Rings::new(mesh);
-    for round in 0..rounds {
-        let mut pairs = crossing_pairs(mesh);
-        pairs.extend(folds(mesh));
-        if pairs.is_empty() {
-            return true;
+    let mut best = ([usize::MAX; 2], Vec::new());
+    for round in 0..=rounds {
+        let (crossings, folds) = (crossing_pairs(mesh), folds(mesh));
+        let count = [crossings.len(), folds.len()];
+        if count < best.0 {
+            best = (count, mesh.positions.clone());
+        }
+        if count == [0, 0] || round == rounds {
+            break;
         }
         let mut moves = vec![false; mesh.positions.len()];
         let mut border = Vec::new();
-        for v in pairs
-            .into_iter()
-            .flatten()
-            .flat_map(|k| mesh.faces[k as usize])
-        {
+        let faces = crossings.into_iter().chain(folds).flatten();
+        for v in faces.flat_map(|k| mesh.faces[k as usize]) {
             if !std::mem::replace(&mut moves[v as usize], true) {
                 border.push(v);
             }
@@ -42,5 +44,7 @@ pub(super) fn relaxed(mesh: &mut TriangleMesh, rounds: usize) -> bool {
             towards_neighbors(mesh, &rings, 0.5, |v| moves[v as usize]);
         }
     }
-    crossing_pairs(mesh).is_empty()
+    let ([crossings, _], positions) = best;
+    mesh.positions = positions;
+    crossings == 0
 }

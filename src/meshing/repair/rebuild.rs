@@ -3,7 +3,6 @@
 use glam::DVec3;
 
 use super::super::bvh::Bvh;
-use super::super::crossing::crossing_pairs;
 use super::super::lattice::Lattice;
 use super::super::mesh::TriangleMesh;
 use super::super::parts::bodies;
@@ -14,10 +13,13 @@ use super::local::relaxed;
 use crate::error::Result;
 
 /// The size of a cell of the lattice, in edges of the new mesh.
-const CELL: f64 = 0.6;
+const CELL: f64 = 0.8;
 
 /// The most cells along an axis.
 const MOST_CELLS: f64 = 2048.0;
+
+/// The rounds in which crossings that the remeshing made may be relaxed.
+const ROUNDS: usize = 4;
 
 /// Makes a mesh with a given edge length around all points about which the faces wind at least half a time, by marching
 /// tetrahedra on the signed distance. It is closed, manifold and without crossings, and has no face if nothing is
@@ -54,17 +56,15 @@ pub(super) fn rebuilt(mesh: &TriangleMesh, length: f64, share: f64) -> Result<Tr
     if raw.faces.is_empty() {
         return Ok(raw);
     }
-    let mut smoothed = smooth(&raw, &SmoothOptions::default().with_steps(2))?;
-    if !crossing_pairs(&smoothed).is_empty() {
-        smoothed = raw.clone();
+    // Small handles and thin parts may need more smoothing, or finer edges, before they can be remeshed.
+    let length = length.max(step / CELL);
+    for (steps, length) in [(2, length), (12, length), (12, 0.7 * length)] {
+        let smoothed = smooth(&raw, &SmoothOptions::default().with_steps(steps))?;
+        let options = RemeshOptions::uniform(length).with_passes(6);
+        let mut even = remesh(&smoothed, &options)?.mesh;
+        if relaxed(&mut even, ROUNDS) {
+            return Ok(even);
+        }
     }
-    let options = RemeshOptions::uniform(length.max(step / CELL)).with_passes(6);
-    let mut even = remesh(&smoothed, &options)?.mesh;
-    /// The rounds in which a crossing that the remeshing made may be relaxed.
-    const ROUNDS: usize = 4;
-    Ok(if relaxed(&mut even, ROUNDS) {
-        even
-    } else {
-        raw
-    })
+    Ok(raw)
 }
