@@ -58,6 +58,7 @@ mod recipes {
 }
 
 mod accel;
+pub mod atlas;
 mod cube;
 mod debug;
 pub mod device;

@@ -1,0 +1,3 @@
+//! Tests of atlases.
+
+mod meshes;
