@@ -2,8 +2,12 @@
 
 use glam::DVec2;
 
+use super::overlap::{border, turned};
+
 /// Steps over all triangles and vertices.
 const ROUNDS: usize = 10;
+/// How often vertices of triangles that turned over move.
+const UNTANGLED: usize = 60;
 
 /// The entries of a symmetric matrix: for each row its diagonal, and the columns and values of the others.
 struct Matrix {
@@ -102,9 +106,15 @@ fn cotangents(t: &[DVec2; 3]) -> [f64; 3] {
 /// Moves texture coordinates such that each triangle is nearly a rotated copy of its shape on the surface (the local and
 /// global steps of Liu et al. 2008, *A Local/Global Approach to Mesh Parameterization*, as rigid as possible).
 ///
-/// `faces` are indices into `points`, and `shapes` are the triangles of the surface in planes of their own. Triangles may turn
-/// over.
-pub(super) fn relax(faces: &[[u32; 3]], shapes: &[[DVec2; 3]], points: &mut [DVec2]) {
+/// `faces` are indices into `points`, and `shapes` are the triangles of the surface in planes of their own, of areas
+/// `areas`. Vertices of triangles that turned over then move to the mean of their neighbors, as in the embedding of Tutte
+/// (1963), but for those at the border. Triangles may still be turned.
+pub(super) fn relax(
+    faces: &[[u32; 3]],
+    shapes: &[[DVec2; 3]],
+    areas: &[f64],
+    points: &mut [DVec2],
+) {
     let weights: Vec<[f64; 3]> = shapes.iter().map(cotangents).collect();
     let mut edges = Vec::with_capacity(6 * faces.len());
     for (face, w) in faces.iter().zip(&weights) {
@@ -134,5 +144,30 @@ pub(super) fn relax(faces: &[[u32; 3]], shapes: &[[DVec2; 3]], points: &mut [DVe
             }
         }
         matrix.solve(&sums, points);
+    }
+    untangle(faces, areas, &matrix, points);
+}
+
+/// Moves the inner vertices of turned triangles to the means of their neighbors, until no triangle is turned.
+fn untangle(faces: &[[u32; 3]], areas: &[f64], matrix: &Matrix, points: &mut [DVec2]) {
+    let mut wrong = turned(faces, areas, points);
+    if wrong.is_empty() {
+        return;
+    }
+    let at_border = border(faces, points.len());
+    for _ in 0..UNTANGLED {
+        let corners = wrong.iter().flat_map(|&f| faces[f as usize]);
+        let mut vertices: Vec<u32> = corners.filter(|&v| !at_border[v as usize]).collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        for v in vertices {
+            let around = &matrix.columns[matrix.starts[v as usize]..matrix.starts[v as usize + 1]];
+            let sum: DVec2 = around.iter().map(|&w| points[w as usize]).sum();
+            points[v as usize] = sum / around.len() as f64;
+        }
+        wrong = turned(faces, areas, points);
+        if wrong.is_empty() {
+            return;
+        }
     }
 }

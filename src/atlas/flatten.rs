@@ -63,7 +63,7 @@ impl Flat {
         let areas: Vec<f64> = faces.iter().map(|&f| surface.areas[f as usize]).collect();
         let projected = project(surface, &faces, &places);
         let mut points = projected.clone();
-        relax(&corners, &shapes, &mut points);
+        relax(&corners, &shapes, &areas, &mut points);
         let mut fault = check(&corners, &areas, &points);
         if fault.is_err() && check(&corners, &areas, &projected).is_ok() {
             for part in [0.7, 0.35, 0.0] {

@@ -118,7 +118,7 @@ impl Atlas {
         let charts = grow::charts(&surface, angle.to_radians());
         let mut flats = flatten::flatten(&surface, charts);
         let density = pack::pack(&mut flats, size, gutter)?;
-        let mut atlas = Self {
+let mut atlas = Self {
             uvs: Vec::new(),
             faces: vec![[0; 3]; faces.len()],
             charts: vec![0; faces.len()],

@@ -61,11 +61,7 @@ pub(super) enum Fault {
 /// if its borders don't cross. So only triangles at borders are compared with each other.
 pub(super) fn check(faces: &[[u32; 3]], areas: &[f64], points: &[DVec2]) -> Result<(), Fault> {
     let triangle = |f: usize| faces[f].map(|v| points[v as usize]);
-    let turned = |&f: &usize| {
-        let area = 0.5 * twice_area(triangle(f));
-        area.is_nan() || area < LEAST_AREA * areas[f]
-    };
-    let turned: Vec<u32> = (0..faces.len()).filter(turned).map(|f| f as u32).collect();
+    let turned = turned(faces, areas, points);
     if !turned.is_empty() {
         return Err(Fault::Turned(turned));
     }
@@ -90,8 +86,17 @@ pub(super) fn check(faces: &[[u32; 3]], areas: &[f64], points: &[DVec2]) -> Resu
     Ok(())
 }
 
+/// The triangles that are not counterclockwise, or whose areas are far below `areas`.
+pub(super) fn turned(faces: &[[u32; 3]], areas: &[f64], points: &[DVec2]) -> Vec<u32> {
+    let is_turned = |&f: &u32| {
+        let area = 0.5 * twice_area(faces[f as usize].map(|v| points[v as usize]));
+        area.is_nan() || area < LEAST_AREA * areas[f as usize]
+    };
+    (0..faces.len() as u32).filter(is_turned).collect()
+}
+
 /// Whether each vertex is at a border: an edge that has not one face on each side.
-fn border(faces: &[[u32; 3]], vertices: usize) -> Vec<bool> {
+pub(super) fn border(faces: &[[u32; 3]], vertices: usize) -> Vec<bool> {
     let mut edges: Vec<(u32, u32, bool)> = Vec::with_capacity(3 * faces.len());
     for face in faces {
         for i in 0..3 {

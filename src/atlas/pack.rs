@@ -1,5 +1,7 @@
 //! Places charts side by side in a square.
 
+use std::collections::HashMap;
+
 use glam::{DVec2, Vec2Swizzles};
 use rayon::prelude::*;
 
@@ -15,6 +17,8 @@ const PRECISE: f64 = 0.005;
 const LOWERED: usize = 40;
 /// The side of a face without area, in texels.
 const TOKEN: f64 = 1.0;
+/// Charts are small if their sides are at most this part of the square's.
+const SMALL: usize = 16;
 
 /// The position of a chart: quarter turns, and the cell of its lower left corner.
 #[derive(Clone, Copy)]
@@ -173,6 +177,9 @@ struct Board {
     runs: Vec<i32>,
     /// The longest run of free cells in each row.
     longest: Vec<i32>,
+    /// The row at which the search begins for small charts, by quarter turns and half their width and height: the last one of
+    /// about the same size was placed there.
+    starts: HashMap<(usize, usize, usize), usize>,
 }
 
 impl Board {
@@ -182,11 +189,12 @@ impl Board {
             side,
             runs: std::iter::repeat_n(row, side).flatten().collect(),
             longest: vec![side as i32; side],
+            starts: HashMap::new(),
         }
     }
 
     /// The orientation and position with the lowest top.
-    fn find(&self, orientations: &[Cells; 4]) -> Option<Position> {
+    fn find(&mut self, orientations: &[Cells; 4]) -> Option<Position> {
         let mut best: Option<(usize, Position)> = None;
         for (turns, cells) in orientations.iter().enumerate() {
             let (width, height) = (cells.width, cells.rows.len());
@@ -204,8 +212,18 @@ impl Board {
                 Some((top, _)) => (top - 1 - height).min(self.side - height),
                 None => self.side - height,
             };
-            let mut found = (0..=last).filter_map(|y| Some((y, self.first(&ranges, width, y)?)));
-            if let Some((y, x)) = found.next() {
+            let small = height.max(width) <= self.side / SMALL;
+            let kind = (turns, width / 2, height / 2);
+            let start = match self.starts.get(&kind) {
+                Some(&start) if small => start,
+                _ => 0,
+            };
+            let found = (start..=last).find_map(|y| Some((y, self.first(&mut ranges, width, y)?)));
+            if small {
+                let next = found.map_or(last + 1, |(y, _)| y);
+                self.starts.insert(kind, next.saturating_sub(2).max(start));
+            }
+            if let Some((y, x)) = found {
                 best = Some((y + height, Position { turns, x, y }));
             }
         }
@@ -213,20 +231,23 @@ impl Board {
     }
 
     /// The first column at which the ranges are free, with the first row of cells in row `y`.
-    fn first(&self, ranges: &[(usize, [u32; 2])], width: usize, y: usize) -> Option<usize> {
-        let &(row, widest) = ranges.first()?;
-        if self.longest[y + row] < (widest[1] - widest[0]) as i32 {
+    /// The range that was in the way last is looked at first.
+    fn first(&self, ranges: &mut [(usize, [u32; 2])], width: usize, y: usize) -> Option<usize> {
+        let &(row, first) = ranges.first()?;
+        if self.longest[y + row] < (first[1] - first[0]) as i32 {
             return None;
         }
         let mut x = 0;
         'columns: while x + width <= self.side {
-            for &(row, [from, to]) in ranges {
+            for k in 0..ranges.len() {
+                let (row, [from, to]) = ranges[k];
                 let run = self.runs[(y + row) * self.side + x + from as usize];
                 if run < (to - from) as i32 {
                     // Beyond the taken cells that are in the way.
                     let next = x + from as usize + run.max(0) as usize;
                     let taken = -self.runs[(y + row) * self.side + next];
                     x = next + taken.max(1) as usize - from as usize;
+                    ranges.swap(0, k);
                     continue 'columns;
                 }
             }

@@ -12,7 +12,7 @@ pub(super) const NONE: u32 = u32::MAX;
 const NO_HEIGHT: f64 = 1e-6;
 
 /// How often normals are averaged with those of their neighbors.
-const SMOOTHINGS: usize = 3;
+const SMOOTHINGS: usize = 6;
 
 /// A mesh whose vertices at the same position are one, scaled to a size of 1 about the origin.
 pub(super) struct Surface {
@@ -161,7 +161,7 @@ impl Surface {
         }
     }
 
-    /// Averages normals over neighbors. The weight of a neighbor is 0 across edges of 90° and more.
+    /// Averages normals over neighbors. The weight of a neighbor is small across sharp edges.
     fn smooth_normals(&mut self) {
         self.smooth = self.normals.clone();
         for _ in 0..SMOOTHINGS {
@@ -170,7 +170,7 @@ impl Surface {
                 let mut sum = own * self.areas[f];
                 for &g in self.across[f].iter().filter(|&&g| g != NONE) {
                     let other = self.smooth[g as usize];
-                    let weight = own.dot(other).max(0.0).powi(2);
+                    let weight = 0.1 + own.dot(other).max(0.0).powi(2);
                     sum += other * (weight * self.areas[g as usize]);
                 }
                 let unit = sum.normalize_or_zero();
