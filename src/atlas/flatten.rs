@@ -4,6 +4,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::arap::relax;
+use super::crevice::crevice;
 use super::overlap::{Fault, check, twice_area};
 use super::surface::{NONE, Surface};
 
@@ -24,8 +25,9 @@ pub(super) struct Flat {
 /// How often triangles that turn over are taken out of a chart, before it is halved.
 const TAKES: usize = 3;
 
-/// Flattens charts. Those that would overlap themselves are divided.
-pub(super) fn flatten(surface: &Surface, charts: Vec<Vec<u32>>) -> Vec<Flat> {
+/// Flattens charts. Those that would overlap themselves, or come too near to themselves for texels with a side of `texel`,
+/// are divided.
+pub(super) fn flatten(surface: &Surface, charts: Vec<Vec<u32>>, texel: f64) -> Vec<Flat> {
     let flat = |chart: Vec<u32>| {
         let mut done = Vec::new();
         let mut waiting: Vec<(Vec<u32>, usize)> = connected(surface, &chart, |_| 0)
@@ -33,7 +35,7 @@ pub(super) fn flatten(surface: &Surface, charts: Vec<Vec<u32>>) -> Vec<Flat> {
             .map(|part| (part, 0))
             .collect();
         while let Some((faces, depth)) = waiting.pop() {
-            match Flat::new(surface, faces) {
+            match Flat::new(surface, faces, texel) {
                 Ok(flat) => done.push(flat),
                 Err((faces, fault)) => {
                     let parts = divide(surface, &faces, &fault, depth);
@@ -49,7 +51,7 @@ pub(super) fn flatten(surface: &Surface, charts: Vec<Vec<u32>>) -> Vec<Flat> {
 
 impl Flat {
     /// Flattens connected faces, or says why that fails.
-    fn new(surface: &Surface, faces: Vec<u32>) -> Result<Self, (Vec<u32>, Fault)> {
+    fn new(surface: &Surface, faces: Vec<u32>, texel: f64) -> Result<Self, (Vec<u32>, Fault)> {
         let whole: Vec<[u32; 3]> = faces.iter().map(|&f| surface.corners[f as usize]).collect();
         if let &[face] = &faces[..] {
             return Ok(Self::single(surface, face));
@@ -85,6 +87,10 @@ impl Flat {
             .sum();
         let scale = (areas.iter().sum::<f64>() / flat).sqrt();
         points.iter_mut().for_each(|p| *p *= scale);
+        let in_space: Vec<DVec3> = places.iter().map(|&p| surface.points[p as usize]).collect();
+        if let Some(near) = crevice(&corners, &points, &in_space, texel) {
+            return Err((faces, Fault::Near(near)));
+        }
         Ok(Self {
             faces,
             corners,
@@ -146,6 +152,10 @@ fn divide(surface: &Surface, faces: &[u32], fault: &Fault, depth: usize) -> Vec<
             let side = |i: usize| u32::from(turned.binary_search(&(i as u32)).is_ok());
             connected(surface, faces, side)
         }
+        Fault::Near(from) => {
+            let (nearest, _) = walk(surface, faces, from);
+            connected(surface, faces, |i| nearest[i])
+        }
         _ => halves(surface, faces),
     }
 }
@@ -165,7 +175,7 @@ fn halves(surface: &Surface, faces: &[u32]) -> Vec<Vec<u32>> {
     connected(surface, &sorted, |i| nearest[i])
 }
 
-/// Walks from faces in sorted list along edges, breadth first. Returns from which of `from` each face was reached first, and
+/// Walks from faces in a sorted list along edges, breadth first. Returns from which of `from` each face was reached first, and
 /// the order.
 fn walk(surface: &Surface, sorted: &[u32], from: &[usize]) -> (Vec<u32>, Vec<usize>) {
     let mut source = vec![NONE; sorted.len()];

@@ -18,6 +18,7 @@
 
 mod arap;
 mod cells;
+mod crevice;
 mod flatten;
 mod grow;
 mod nearest;
@@ -39,6 +40,10 @@ use surface::{Surface, check};
 
 /// The smallest gutter: bilinear lookups reach one texel beyond a chart.
 const LEAST_GUTTER: usize = 2;
+/// Charts are made for the density at which their area is this part of the atlas, and again if it is lower.
+const USED: f64 = 0.5;
+/// How often charts are made.
+const ROUNDS: usize = 4;
 /// The largest atlas, texels along a side.
 const MOST_TEXELS: usize = 32768;
 
@@ -115,10 +120,21 @@ impl Atlas {
         Error::unless(in_range, "atlas", "max_angle", angle, "10° to 75°")?;
 
         let surface = Surface::new(positions, faces)?;
-        let charts = grow::charts(&surface, angle.to_radians());
-        let mut flats = flatten::flatten(&surface, charts);
-        let density = pack::pack(&mut flats, size, gutter)?;
-let mut atlas = Self {
+        let mut charts = grow::charts(&surface, angle.to_radians());
+        let area: f64 = surface.areas.iter().sum();
+        let mut least = size as f64 * (USED / area).sqrt();
+        let mut rounds = 0;
+        let (flats, density) = loop {
+            let mut flats = flatten::flatten(&surface, charts, 1.0 / least);
+            let density = pack::pack(&mut flats, size, gutter)?;
+            rounds += 1;
+            if density >= least || rounds == ROUNDS {
+                break (flats, density);
+            }
+            least = 0.9 * density;
+            charts = flats.into_iter().map(|flat| flat.faces).collect();
+        };
+        let mut atlas = Self {
             uvs: Vec::new(),
             faces: vec![[0; 3]; faces.len()],
             charts: vec![0; faces.len()],

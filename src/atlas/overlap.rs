@@ -52,6 +52,8 @@ pub(super) enum Fault {
     Turned(Vec<u32>),
     /// Triangles overlap.
     Overlaps,
+    /// These two triangles are too near to each other.
+    Near([usize; 2]),
 }
 
 /// Checks that the triangles of a connected chart are counterclockwise, with areas not far below `areas`, and don't

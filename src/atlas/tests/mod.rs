@@ -130,14 +130,21 @@ fn the_sides_of_a_cube_are_its_charts() {
     // Twelve edges, of 2 each.
     let pairs = atlas.seam_pairs().len() as f64;
     let expected = 24.0 * atlas.density;
-    assert!((expected..1.6 * expected).contains(&pairs), "{pairs} {expected}");
+    assert!(
+        (expected..1.6 * expected).contains(&pairs),
+        "{pairs} {expected}"
+    );
 }
 
 #[test]
 fn baked_positions_are_found_again() {
-    for (mesh, size) in [(ball(4), 256), (torus(60, 24, 0.1), 512), (noisy_ball(4, 0.02), 256)] {
+    for (mesh, size) in [
+        (ball(4), 256),
+        (torus(60, 24, 0.1), 512),
+        (noisy_ball(4, 0.02), 256),
+    ] {
         let [most, mean] = position_error(&atlas_of(&mesh, size), &mesh);
-        eprintln!("DBG {} {most} {mean}", mesh.1.len());
+        assert!(most < 1.0 && mean < 0.12, "{most} {mean}");
     }
 }
 
@@ -165,7 +172,12 @@ fn sides_of_seams_are_the_same_points() {
 
 #[test]
 fn meshes_of_few_faces_have_an_atlas() {
-    let corners = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1e-3, 0.0], [0.0, 0.0, 7.0]];
+    let corners = vec![
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 1e-3, 0.0],
+        [0.0, 0.0, 7.0],
+    ];
     for faces in [
         vec![],
         vec![[0, 1, 2]],
@@ -224,9 +236,7 @@ fn wrong_input_is_an_error() {
 
 #[test]
 fn textures_move_to_other_meshes() {
-    let (old, new) = (ball(4), torus(10, 8, 0.0));
-    let _ = new;
-    let fine = ball(5);
+    let (old, fine) = (ball(4), ball(5));
     let from = atlas_of(&old, 256);
     let color = |p: DVec3| [(3.0 * p.x).sin() as f32, p.y as f32, (p.x * p.z) as f32];
     let texels = from.texels().bake(|face, at| color(point(&old, face, at)));
@@ -283,5 +293,5 @@ fn lookups_are_bilinear_and_repeat() {
     assert_eq!(at(0.5, 0.5), 1.5);
     assert_eq!(at(1.25, -0.25), 0.0);
     assert_eq!(at(0.0, 0.75), 0.5);
-    assert_eq!(at(f64::NAN, 0.0).to_bits(), at(f64::NAN, 0.0).to_bits());
+    assert!(at(f64::NAN, 0.0).is_nan());
 }
