@@ -46,6 +46,7 @@ pub(crate) use limits::parse_json;
 #[cfg(all(feature = "photographs", not(target_family = "wasm")))]
 pub(crate) use raster::Raster;
 pub use scene_file::SceneFile;
+pub(crate) use srgb::linear_to_srgb;
 #[cfg(feature = "fit")]
 pub(crate) use srgb::{srgb_byte, srgb_to_linear};
 #[cfg(feature = "fit")]

@@ -43,7 +43,8 @@ pub(super) fn srgb_word(linear: f32) -> u16 {
     (linear_to_srgb(linear) * 65535.0).round() as u16
 }
 
-fn linear_to_srgb(linear: f32) -> f32 {
+/// Encodes a linear value, clipped to [0, 1], as sRGB.
+pub(crate) fn linear_to_srgb(linear: f32) -> f32 {
     let v = linear.clamp(0.0, 1.0);
     if v <= 0.003_130_8 {
         v * 12.92

@@ -1,5 +1,5 @@
-//! Tools to optimize scenes: losses, mesh regularizers, points on meshes and blur schedules. The feature `fit`
-//! adds a loop that fits parameters, and large steps for meshes.
+//! Tools to optimize scenes: losses, measures for reports, mesh regularizers, points on meshes and blur schedules. The
+//! feature `fit` adds a loop that fits parameters, and large steps for meshes.
 
 #[cfg(feature = "fit")]
 mod conjugate_gradient;
@@ -10,6 +10,7 @@ mod fit;
 mod large_steps;
 pub mod loss;
 mod mesh;
+pub mod metrics;
 mod nearest;
 mod samples;
 mod schedule;
