@@ -130,15 +130,15 @@ pub(super) fn relax(
             let at = face.map(|v| points[v as usize]);
             // The rotation as a complex number.
             let mut turn = DVec2::ZERO;
-            for i in 0..3 {
+            for (i, w) in w.iter().enumerate() {
                 let (j, k) = ((i + 1) % 3, (i + 2) % 3);
                 let (x, u) = (shape[k] - shape[j], at[k] - at[j]);
-                turn += DVec2::new(x.dot(u), x.perp_dot(u)) * w[i];
+                turn += DVec2::new(x.dot(u), x.perp_dot(u)) * *w;
             }
             let turn = turn.normalize_or(DVec2::X);
-            for i in 0..3 {
+            for (i, w) in w.iter().enumerate() {
                 let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-                let along = turn.rotate(shape[k] - shape[j]) * w[i];
+                let along = turn.rotate(shape[k] - shape[j]) * *w;
                 sums[face[k] as usize] += along;
                 sums[face[j] as usize] -= along;
             }

@@ -14,8 +14,8 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// The cells that lie within `margin` of the triangles, along each axis. Cells have a side of 1. Points
-    /// are in a rectangle of `size` cells, `margin` from its sides.
+    /// The cells that lie within `margin` of the triangles, along each axis. Cells have a side of 1. Points are in a
+    /// rectangle of `size` cells, `margin` from its sides.
     pub fn new(faces: &[[u32; 3]], points: &[DVec2], margin: f64, size: DVec2) -> Self {
         let (width, height) = (size.x as usize, size.y as usize);
         let mut rows: Vec<Vec<[u32; 2]>> = vec![Vec::new(); height];
@@ -78,8 +78,8 @@ fn merge(row: &mut Vec<[u32; 2]>) {
     });
 }
 
-/// Turns points such that their bounding box is about as small as possible: one side lies along an edge of their convex
-/// hull.
+/// Turns points such that their bounding box is about as small as possible: one side lies along an edge of their
+/// convex hull.
 pub(super) fn align(points: &mut [DVec2]) {
     let hull = hull(points);
     let mut best = (f64::INFINITY, DVec2::X);

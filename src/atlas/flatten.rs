@@ -14,8 +14,6 @@ pub(super) struct Flat {
     pub faces: Vec<u32>,
     /// The indices of their corners in `points`.
     pub corners: Vec<[u32; 3]>,
-    /// The places of the mesh.
-    pub places: Vec<u32>,
     /// The points in the plane, with about the areas of the surface.
     pub points: Vec<DVec2>,
     /// Whether it is a face without area on the surface, which is drawn with a size of one texel.
@@ -25,8 +23,8 @@ pub(super) struct Flat {
 /// How often triangles that turn over are taken out of a chart, before it is halved.
 const TAKES: usize = 3;
 
-/// Flattens charts. Those that would overlap themselves, or come too near to themselves for texels with a side of `texel`,
-/// are divided.
+/// Flattens charts. Those that would overlap themselves, or come too near to themselves for texels with a side of
+/// `texel`, are divided.
 pub(super) fn flatten(surface: &Surface, charts: Vec<Vec<u32>>, texel: f64) -> Vec<Flat> {
     let flat = |chart: Vec<u32>| {
         let mut done = Vec::new();
@@ -94,7 +92,6 @@ impl Flat {
         Ok(Self {
             faces,
             corners,
-            places,
             points,
             is_token: false,
         })
@@ -111,7 +108,6 @@ impl Flat {
         Self {
             faces: vec![face],
             corners: vec![[0, 1, 2]],
-            places: surface.corners[face as usize].to_vec(),
             points: points.to_vec(),
             is_token,
         }
@@ -175,8 +171,8 @@ fn halves(surface: &Surface, faces: &[u32]) -> Vec<Vec<u32>> {
     connected(surface, &sorted, |i| nearest[i])
 }
 
-/// Walks from faces in a sorted list along edges, breadth first. Returns from which of `from` each face was reached first, and
-/// the order.
+/// Walks from faces in a sorted list along edges, breadth first. Returns from which of `from` each face was reached
+/// first, and the order.
 fn walk(surface: &Surface, sorted: &[u32], from: &[usize]) -> (Vec<u32>, Vec<usize>) {
     let mut source = vec![NONE; sorted.len()];
     let mut order = from.to_vec();

@@ -68,12 +68,12 @@ struct Growth<'a> {
     follow: bool,
 }
 
-/// Returns the faces of each chart. The normal of a face, smoothed over its neighbors, deviates from the mean normal of
-/// its chart by about `angle` radians at most. Faces without area are charts of their own.
+/// Returns the faces of each chart. The normal of a face, smoothed over its neighbors, deviates from the mean normal
+/// of its chart by about `angle` radians at most. Faces without area are charts of their own.
 ///
 /// A first set of charts grows one after the other. Their middles are the seeds of charts that grow at the same time
-/// (the proxies of Cohen-Steiner et al. 2004, *Variational Shape Approximation*), a few times. Charts that fit together are
-/// merged.
+/// (the proxies of Cohen-Steiner et al. 2004, *Variational Shape Approximation*), a few times. Charts that fit
+/// together are merged.
 pub(super) fn charts(surface: &Surface, angle: f64) -> Vec<Vec<u32>> {
     let faces = surface.corners.len();
     let mut growth = Growth {

@@ -181,7 +181,7 @@ impl Atlas {
 
     /// The texels that belong to faces, for baking.
     pub fn texels(&self) -> Texels {
-        Texels::new(self)
+        Texels::new(self.size, self.gutter, &self.uvs, &self.faces, &self.charts)
     }
 
     /// Pairs of texture coordinates of the same points on the surface, on the two sides of edges between charts: about one

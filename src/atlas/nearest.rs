@@ -19,8 +19,8 @@ pub struct Nearest {
     pub distance: f64,
 }
 
-/// Finds the nearest points of a mesh: a hierarchy of bounding boxes over its triangles, divided at the median triangle along
-/// the longest side.
+/// Finds the nearest points of a mesh: a hierarchy of bounding boxes over its triangles, divided at the median
+/// triangle along the longest side.
 ///
 /// ```
 /// use softray::atlas::NearestFaces;
@@ -75,8 +75,8 @@ impl NearestFaces {
         self.search(point, None)
     }
 
-    /// The point nearest to `point` among faces whose normals are within 90° of `normal`, so that a point of one side of a
-    /// thin wall finds none on the other. Among all faces if no face is.
+    /// The point nearest to `point` among faces whose normals are within 90° of `normal`, so that a point of one side
+    /// of a thin wall finds none on the other. Among all faces if no face is.
     pub fn nearest_facing(&self, point: [f64; 3], normal: [f64; 3]) -> Nearest {
         let facing = self.search(point, Some(normal.into()));
         if facing.distance.is_finite() {
@@ -162,8 +162,8 @@ fn grow(triangles: &[[DVec3; 3]], order: &mut [u32], from: usize, nodes: &mut Ve
     grow(triangles, above, from + half, nodes);
 }
 
-/// The distance of a point from a triangle, and the barycentric coordinates of the nearest point: the point's projection
-/// onto the plane, or the nearest point of an edge.
+/// The distance of a point from a triangle, and the barycentric coordinates of the nearest point: the point's
+/// projection onto the plane, or the nearest point of an edge.
 fn nearest(t: [DVec3; 3], p: DVec3) -> (f64, [f64; 3]) {
     let normal = (t[1] - t[0]).cross(t[2] - t[0]);
     let square = normal.length_squared();

@@ -28,12 +28,12 @@ struct Position {
     y: usize,
 }
 
-/// Places charts in a square of `size` texels, with at least `gutter` texels between two of them, and half as many at the
-/// sides of the square. Turns and moves their points, and scales them by the largest density at which they were found
-/// to fit; returns that density in texels per unit of length.
+/// Places charts in a square of `size` texels, with at least `gutter` texels between two of them, and half as many at
+/// the sides of the square. Turns and moves their points, and scales them by the largest density at which they were
+/// found to fit; returns that density in texels per unit of length.
 ///
-/// Charts are placed one after the other, the highest first, where their top is lowest (bottom-left heuristic), with the true
-/// shapes of their cells, in four orientations.
+/// Charts are placed one after the other, the highest first, where their top is lowest (bottom-left heuristic), with
+/// the true shapes of their cells, in four orientations.
 ///
 /// # Errors
 /// If the charts don't fit at any density.
@@ -104,7 +104,8 @@ fn room(points: &[DVec2], margin: f64) -> DVec2 {
     (max + margin).ceil()
 }
 
-/// Turns a point in a rectangle of cells by quarter turns; the lower left corner of the turned rectangle is the origin.
+/// Turns a point in a rectangle of cells by quarter turns; the lower left corner of the turned rectangle is the
+/// origin.
 fn turn(p: DVec2, turns: usize, size: DVec2) -> DVec2 {
     match turns {
         0 => p,
@@ -177,8 +178,8 @@ struct Board {
     runs: Vec<i32>,
     /// The longest run of free cells in each row.
     longest: Vec<i32>,
-    /// The row at which the search begins for small charts, by quarter turns and half their width and height: the last one of
-    /// about the same size was placed there.
+    /// The row at which the search begins for small charts, by quarter turns and half their width and height: the
+    /// last one of about the same size was placed there.
     starts: HashMap<(usize, usize, usize), usize>,
 }
 
@@ -230,8 +231,8 @@ impl Board {
         best.map(|(_, position)| position)
     }
 
-    /// The first column at which the ranges are free, with the first row of cells in row `y`.
-    /// The range that was in the way last is looked at first.
+    /// The first column at which the ranges are free, with the first row of cells in row `y`. The range that was in
+    /// the way last is looked at first.
     fn first(&self, ranges: &mut [(usize, [u32; 2])], width: usize, y: usize) -> Option<usize> {
         let &(row, first) = ranges.first()?;
         if self.longest[y + row] < (first[1] - first[0]) as i32 {

@@ -3,7 +3,6 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::Atlas;
 use super::overlap::extent;
 
 /// The rows that one task fills.
@@ -16,18 +15,18 @@ pub struct Texel {
     pub index: u32,
     /// The face.
     pub face: u32,
-    /// The barycentric coordinates of the face's point that is nearest to the texel's center: the center itself if it lies
-    /// on the face.
+    /// The barycentric coordinates of the face's point that is nearest to the texel's center: the center itself if it
+    /// lies on the face.
     pub barycentric: [f32; 3],
     /// Whether the center lies outside of all faces of the chart.
     pub in_gutter: bool,
 }
 
-/// The texels of an atlas that belong to faces: those with centers on a face, and those of the gutters, which belong to the
-/// nearest face of a chart within half the gutter along each axis. All texels that a bilinear lookup at a point of
-/// the surface reads are among them.
+/// The texels of an atlas that belong to faces: those with centers on a face, and those of the gutters, which belong
+/// to the nearest face of a chart within half the gutter along each axis. All texels that a bilinear lookup at a
+/// point of the surface reads are among them.
 ///
-/// [`Atlas`] has an example.
+/// [The module](super) has an example.
 #[derive(Clone, Debug)]
 pub struct Texels {
     size: usize,
@@ -36,16 +35,22 @@ pub struct Texels {
 }
 
 impl Texels {
-    /// Finds the texels of an atlas.
-    pub(super) fn new(atlas: &Atlas) -> Self {
-        let size = atlas.size;
+    /// Finds the texels of an atlas of `size` × `size` texels: the texture coordinates, their rows for each face, and
+    /// the chart of each face.
+    pub(super) fn new(
+        size: usize,
+        gutter: usize,
+        uvs: &[[f64; 2]],
+        faces: &[[u32; 3]],
+        charts: &[u32],
+    ) -> Self {
         // Rows go down, v goes up.
         let place = |&[u, v]: &[f64; 2]| DVec2::new(u, 1.0 - v) * size as f64;
-        let points: Vec<DVec2> = atlas.uvs.iter().map(place).collect();
-        let margin = 0.5 * atlas.gutter as f64;
+        let points: Vec<DVec2> = uvs.iter().map(place).collect();
+        let margin = 0.5 * gutter as f64;
         let bands = size.div_ceil(ROWS);
         let mut of_band: Vec<Vec<u32>> = vec![Vec::new(); bands];
-        for (f, face) in atlas.faces.iter().enumerate() {
+        for (f, face) in faces.iter().enumerate() {
             let y = face.map(|v| points[v as usize].y);
             let low = y[0].min(y[1]).min(y[2]) - margin;
             let high = y[0].max(y[1]).max(y[2]) + margin;
@@ -54,14 +59,10 @@ impl Texels {
                 band.push(f as u32);
             }
         }
-        let lists = of_band.par_iter().enumerate().map(|(band, faces)| {
+        let lists = of_band.par_iter().enumerate().map(|(band, list)| {
             let mut rows = Band::new(band * ROWS, size);
-            for &f in faces {
-                rows.draw(
-                    f,
-                    atlas.faces[f as usize].map(|v| points[v as usize]),
-                    margin,
-                );
+            for &f in list {
+                rows.draw(f, faces[f as usize].map(|v| points[v as usize]), margin);
             }
             rows.list()
         });
@@ -69,7 +70,7 @@ impl Texels {
         Self {
             size,
             list: lists.concat(),
-            charts: atlas.charts.clone(),
+            charts: charts.to_vec(),
         }
     }
 
@@ -88,8 +89,8 @@ impl Texels {
         self.charts.len()
     }
 
-    /// Makes a texture `[size, size, N]`, row 0 at v = 1, from a function of a face and barycentric coordinates. Texels that
-    /// belong to no face have the mean of all others.
+    /// Makes a texture `[size, size, N]`, row 0 at v = 1, from a function of a face and barycentric coordinates.
+    /// Texels that belong to no face have the mean of all others.
     pub fn bake<const N: usize>(
         &self,
         value: impl Fn(u32, [f64; 3]) -> [f32; N] + Sync,
@@ -99,8 +100,8 @@ impl Texels {
         self.scatter(&values)
     }
 
-    /// Makes a texture `[size, size, N]` from the values of [`Texels::list`], in its order. Texels that belong to no face
-    /// have the mean of all others. Missing values are 0.
+    /// Makes a texture `[size, size, N]` from the values of [`Texels::list`], in its order. Texels that belong to no
+    /// face have the mean of all others. Missing values are 0.
     pub fn scatter<const N: usize>(&self, values: &[[f32; N]]) -> Vec<f32> {
         let count = values.len().max(1) as f64;
         let sum = |c: usize| values.iter().map(|v| f64::from(v[c])).sum::<f64>();
@@ -116,7 +117,8 @@ impl Texels {
     }
 
     /// Pairs of texels of the same chart, side by side or one above the other, as their places row · size + column. A
-    /// regularizer of textures compares their values; [`Atlas::seam_pairs`] has the pairs across seams.
+    /// regularizer of textures compares their values; [`Atlas::seam_pairs`](super::Atlas::seam_pairs) has the pairs
+    /// across seams.
     pub fn neighbors(&self) -> Vec<[u32; 2]> {
         let size = self.size as u32;
         let chart = |t: &Texel| self.charts[t.face as usize];
@@ -148,11 +150,14 @@ impl Texels {
     }
 }
 
+/// The square of a distance, and the face and the barycentric coordinates of the nearest point.
+type Found = (f32, Option<(u32, [f32; 3])>);
+
 /// Some rows of texels, with the nearest face of each and the square of its distance.
 struct Band {
     first: usize,
     size: usize,
-    nearest: Vec<(f32, Option<(u32, [f32; 3])>)>,
+    nearest: Vec<Found>,
 }
 
 impl Band {

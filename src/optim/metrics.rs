@@ -69,7 +69,7 @@ impl<'a> View<'a> {
     /// The values of both images inside of the mask, with their channels.
     fn inside(&self) -> impl Iterator<Item = (usize, f64, f64)> {
         let pixels = self.mask.iter().enumerate().filter(|(_, inside)| **inside);
-        pixels.flat_map(|(i, _)| (0..3).map(move |c| self.values(3 * i + c, c)))
+        pixels.flat_map(move |(i, _)| (0..3).map(move |c| self.values(3 * i + c, c)))
     }
 
     /// The values of both images in the bounding box of the mask, as sRGB from 0 to 1.

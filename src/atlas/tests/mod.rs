@@ -30,10 +30,10 @@ fn point(mesh: &Mesh, face: u32, at: [f64; 3]) -> DVec3 {
 fn spread(k: usize) -> [f64; 3] {
     let golden = 0.618_033_988_749_894_9;
     let (mut u, mut v) = ((k as f64 * golden).fract(), (k as f64 * 0.7548).fract());
-    if k % 5 == 0 {
+    if k.is_multiple_of(5) {
         v = 0.0;
     }
-    if k % 35 == 0 {
+    if k.is_multiple_of(35) {
         u = 0.0;
     }
     if u + v > 1.0 {
@@ -217,7 +217,7 @@ fn wrong_input_is_an_error() {
     let error = |positions: &[[f64; 3]], faces: &[[u32; 3]], size, gutter, max_angle| {
         let options = AtlasOptions { gutter, max_angle };
         let atlas = Atlas::new(positions, faces, size, &options);
-        atlas.err().expect("an error").to_string()
+        atlas.expect_err("an error").to_string()
     };
     let mut wrong = positions.clone();
     wrong[3][1] = f64::NAN;
