@@ -96,12 +96,12 @@ pub struct Atlas {
 impl Atlas {
     /// Makes an atlas of `size` × `size` texels for a mesh of any topology.
     ///
-    /// Charts are flattened as rigidly as possible (Liu et al. 2008, *A Local/Global Approach to Mesh Parameterization*). Those
-    /// that would overlap themselves are divided.
+    /// Charts are flattened as rigidly as possible (Liu et al. 2008, *A Local/Global Approach to Mesh
+    /// Parameterization*). Those that would overlap themselves are divided.
     ///
     /// # Errors
-    /// If a position is not finite, an index is out of range, an option is out of its range, `size` is not from 8 to 32768, or
-    /// `size` is too small for the number of charts.
+    /// If a position is not finite, an index is out of range, an option is out of its range, `size` is not from 8 to
+    /// 32768, or `size` is too small for the number of charts.
     pub fn new(
         positions: &[[f64; 3]],
         faces: &[[u32; 3]],

@@ -59,8 +59,8 @@ pub(super) enum Fault {
 /// Checks that the triangles of a connected chart are counterclockwise, with areas not far below `areas`, and don't
 /// overlap.
 ///
-/// If triangles are counterclockwise and surround each inner vertex once, the map is locally one to one; it is so as a whole
-/// if its borders don't cross. So only triangles at borders are compared with each other.
+/// If triangles are counterclockwise and surround each inner vertex once, the map is locally one to one; it is so as a
+/// whole if its borders don't cross. So only triangles at borders are compared with each other.
 pub(super) fn check(faces: &[[u32; 3]], areas: &[f64], points: &[DVec2]) -> Result<(), Fault> {
     let triangle = |f: usize| faces[f].map(|v| points[v as usize]);
     let turned = turned(faces, areas, points);
