@@ -243,7 +243,7 @@ mod tests {
     #[cfg(feature = "flex")]
     fn similarity_is_that_of_boxes() {
         let target = image(|c, x, y| 0.1 + 0.05 * ((x * 7 + y * 3 + c) % 11) as f32);
-        let inside = |x: usize, y: usize| x >= 2 && y >= 1;
+        let inside = |x: usize, y: usize| x >= 6 && y >= 1;
         let other = image(|c, x, y| {
             if inside(x, y) {
                 target.pixels[3 * (y * 16 + x) + c]
