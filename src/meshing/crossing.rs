@@ -46,14 +46,17 @@ pub(super) fn cross(mesh: &TriangleMesh, [k, l]: [u32; 2]) -> bool {
     }
 }
 
-/// All pairs of faces that pass through each other, the smaller index first, in order.
+/// The most crossings of a face with later faces that are listed, so that many copies of a face don't fill the memory.
+const MOST: usize = 64;
+
+/// The pairs of faces that pass through each other, the smaller index first, in order; at most 64 for each smaller index.
 pub(super) fn crossing_pairs(mesh: &TriangleMesh) -> Vec<[u32; 2]> {
     let bvh = Bvh::new(mesh);
     let of_face = |k: u32| {
         let [a, b, c] = mesh.corners(k);
         let mut found = Vec::new();
         bvh.overlapping(a.min(b).min(c), a.max(b).max(c), |l| {
-            if l > k && cross(mesh, [k, l]) {
+            if l > k && found.len() < MOST && cross(mesh, [k, l]) {
                 found.push([k, l]);
             }
         });

@@ -21,7 +21,7 @@ pub struct Region {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct HullOptions {
-    /// The number of lattice cells along the region's diameter.
+    /// The number of lattice cells along the region's diameter, 2 to 1022.
     pub resolution: usize,
     /// The number of views that may be wrong about a point: it lies in the hull if at most so many views see it outside
     /// of the silhouette.
@@ -64,8 +64,10 @@ impl HullOptions {
 
     fn check(&self) -> Result<()> {
         let object = "visual hull";
-        let valid = (2..=MAX_CELLS as usize / 2).contains(&self.resolution);
-        let expected = format!("2 to {}", MAX_CELLS / 2);
+        // A cell on each side is beyond the region.
+        let most = MAX_CELLS as usize - 2;
+        let valid = (2..=most).contains(&self.resolution);
+        let expected = format!("2 to {most}");
         Error::unless(valid, object, "resolution", self.resolution, &expected)?;
         let valid = (0.0..=1.0).contains(&self.least_part);
         Error::unless(valid, object, "least_part", self.least_part, "0 to 1")

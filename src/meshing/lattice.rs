@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 use super::mesh::TriangleMesh;
 
-/// The most cells along an axis.
-pub(super) const MAX_CELLS: u32 = 1 << 20;
+/// The most cells along an axis, so that those at a surface fit into the memory.
+pub(super) const MAX_CELLS: u32 = 1 << 10;
 
 /// A cube of `cells`³ cells with edges of the length `step`.
 #[derive(Clone, Copy, Debug)]

@@ -26,7 +26,7 @@ pub struct MeshStatistics {
     pub median_edge: f64,
     /// The share of edges whose length is within 0.5 and 2 times the median, from 0 to 1.
     pub even_edges: f64,
-    /// The number of pairs of faces that pass through each other.
+    /// The number of pairs of faces that pass through each other; at most 64 for each face are counted.
     pub crossings: usize,
     /// The number of edges at which the normals of the two faces differ by more than 120°.
     pub folds: usize,

@@ -8,6 +8,9 @@ use super::surface::{Surface, roundness};
 const LONGEST: f64 = 4.0 / 3.0;
 const SHORTEST: f64 = 4.0 / 5.0;
 
+/// Vertices with more faces keep their edges, as the work for each edge grows with their number.
+const CROWD: usize = 1000;
+
 /// The edges of a pass whose ratio is in a range, in the order of `key`.
 fn chosen(surface: &Surface, is_chosen: impl Fn(f64) -> bool, sign: f64) -> Vec<[u32; 2]> {
     let with_ratio = |edge| (surface.ratio(edge), edge);
@@ -37,7 +40,7 @@ pub(super) fn split_long(surface: &mut Surface, most: usize) {
 
 /// Collapses edges that are too short, the shortest first.
 pub(super) fn collapse_short(surface: &mut Surface) {
-    let mut lists = [Vec::new(), Vec::new(), Vec::new()];
+    let mut lists = [Vec::new(), Vec::new()];
     for edge in chosen(surface, |ratio| ratio < SHORTEST, 1.0) {
         if edge.iter().all(|&v| !surface.around[v as usize].is_empty())
             && surface.ratio(edge) < SHORTEST
@@ -49,12 +52,16 @@ pub(super) fn collapse_short(surface: &mut Surface) {
 
 /// Collapses an edge if the surface keeps its topology (the link condition: both ends have only the two vertices
 /// opposite to the edge in common), no edge gets too long, and no face turns.
-fn collapse(surface: &mut Surface, edge: [u32; 2], lists: &mut [Vec<u32>; 3]) {
+fn collapse(surface: &mut Surface, edge: [u32; 2], lists: &mut [Vec<u32>; 2]) {
     let [a, b] = edge;
+    let count = |v: u32| surface.around[v as usize].len();
+    if count(a) + count(b) > CROWD {
+        return;
+    }
     let Some((pair, opposite)) = surface.pair(edge) else {
         return;
     };
-    let [of_a, of_b, of_other] = lists;
+    let [of_a, of_b] = lists;
     surface.ring(a, of_a);
     surface.ring(b, of_b);
     let common = of_a
@@ -64,11 +71,11 @@ fn collapse(surface: &mut Surface, edge: [u32; 2], lists: &mut [Vec<u32>; 3]) {
     if common != 2 || opposite[0] == opposite[1] || of_a.len() + of_b.len() < 7 {
         return;
     }
-    for v in opposite {
-        surface.ring(v, of_other);
-        if of_other.len() < 4 && !surface.locked[v as usize] {
-            return;
-        }
+    if opposite
+        .iter()
+        .any(|&v| count(v) < 4 && !surface.locked[v as usize])
+    {
+        return;
     }
     let (p, q) = (surface.points[a as usize], surface.points[b as usize]);
     let middle = (p + q) / 2.0;
@@ -82,8 +89,10 @@ fn collapse(surface: &mut Surface, edge: [u32; 2], lists: &mut [Vec<u32>; 3]) {
     let fits = |place: &&DVec3| {
         let wanted = (surface.lengths[a as usize] + surface.lengths[b as usize]) / 2.0;
         let short = |v: &u32| {
-            let length = (wanted + surface.lengths[*v as usize]) / 2.0;
-            edge.contains(v) || surface.points[*v as usize].distance(**place) < LONGEST * length
+            let (to, length) = (surface.points[*v as usize], surface.lengths[*v as usize]);
+            let most = LONGEST * (wanted + length) / 2.0;
+            let was = to.distance(p).max(to.distance(q));
+            edge.contains(v) || to.distance(**place) < most.max(was)
         };
         of_a.iter().all(short) && of_b.iter().all(short) && keeps(surface, edge, pair, **place)
     };
@@ -125,7 +134,7 @@ pub(super) fn stays(old: [DVec3; 3], new: [DVec3; 3], mean: DVec3) -> bool {
     const SLIVER: f64 = 0.1;
     let unit = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).normalize_or_zero();
     let (was, is) = (roundness(old), roundness(new));
-    if is < SLIVER.min(was) {
+    if is < SLIVER.min(0.3 * was) {
         return false;
     }
     if was < SLIVER {

@@ -82,6 +82,10 @@ pub fn remesh(mesh: &TriangleMesh, options: &RemeshOptions) -> Result<Remeshed> 
     let most = mesh.faces.len() + (8.0 * count) as usize + 1000;
     let reference = Reference::new(mesh, &lengths);
     let mut surface = Surface::new(mesh, lengths.clone());
+    // Fine meshes first get coarser, which leaves less to do, and thin faces are not split along their length.
+    if options.passes > 0 {
+        collapse_short(&mut surface);
+    }
     for _ in 0..options.passes {
         split_long(&mut surface, most);
         collapse_short(&mut surface);

@@ -62,8 +62,10 @@ impl Surface {
 
     /// The faces with an edge.
     pub fn faces_at(&self, [a, b]: [u32; 2]) -> impl Iterator<Item = u32> {
-        let around = self.around[a as usize].iter().copied();
-        around.filter(move |&k| self.faces[k as usize].contains(&b))
+        let count = |v: u32| self.around[v as usize].len();
+        let (few, other) = if count(a) <= count(b) { (a, b) } else { (b, a) };
+        let around = self.around[few as usize].iter().copied();
+        around.filter(move |&k| self.faces[k as usize].contains(&other))
     }
 
     /// The two faces of an edge and the vertices opposite to it: the first face passes the edge from a to b, the second

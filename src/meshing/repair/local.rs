@@ -10,12 +10,25 @@ use super::super::statistics::folds;
 /// ring a round, for at most some rounds. Keeps the positions with the fewest crossings, and of these those with the
 /// fewest folds. Returns whether no face crosses another.
 pub(super) fn relaxed(mesh: &mut TriangleMesh, rounds: usize) -> bool {
+    relax(mesh, rounds, crossing_pairs)
+}
+
+/// [`relaxed`], of faces that fold alone.
+pub(super) fn unfold(mesh: &mut TriangleMesh, rounds: usize) {
+    relax(mesh, rounds, |_| Vec::new());
+}
+
+fn relax(
+    mesh: &mut TriangleMesh,
+    rounds: usize,
+    crossing: impl Fn(&TriangleMesh) -> Vec<[u32; 2]>,
+) -> bool {
     /// The steps of a round.
     const STEPS: usize = 4;
     let rings = Rings::new(mesh);
     let mut best = ([usize::MAX; 2], Vec::new());
     for round in 0..=rounds {
-        let (crossings, folds) = (crossing_pairs(mesh), folds(mesh));
+        let (crossings, folds) = (crossing(mesh), folds(mesh));
         let count = [crossings.len(), folds.len()];
         if count < best.0 {
             best = (count, mesh.positions.clone());

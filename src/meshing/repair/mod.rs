@@ -10,7 +10,7 @@ use super::parts::bodies;
 use super::statistics::{edge_lengths, median};
 use crate::error::{Error, Result};
 use clean::cleaned;
-use local::relaxed;
+use local::{relaxed, unfold};
 use rebuild::rebuilt;
 
 /// How a mesh is repaired.
@@ -85,7 +85,7 @@ pub fn repair(mesh: &TriangleMesh, options: &RepairOptions) -> Result<Repaired> 
     }
     let valid = (0.0..=1.0).contains(&options.least_part);
     Error::unless(valid, object, "least_part", options.least_part, "0 to 1")?;
-    let clean = cleaned(mesh);
+    let mut clean = cleaned(mesh);
     let median = median(&edge_lengths(&clean));
     let length = options.edge_length.unwrap_or(median);
     if Connectivity::of(&clean).is_solid() {
@@ -98,6 +98,8 @@ pub fn repair(mesh: &TriangleMesh, options: &RepairOptions) -> Result<Repaired> 
         }
     }
     let new = if length > 0.0 {
+        // Spikes would become thin bodies, and handles where they pass through the surface.
+        unfold(&mut clean, options.rounds);
         rebuilt(&clean, length, options.least_part)?
     } else {
         TriangleMesh::default()

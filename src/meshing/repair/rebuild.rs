@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::super::bvh::Bvh;
-use super::super::lattice::Lattice;
+use super::super::lattice::{Lattice, MAX_CELLS};
 use super::super::mesh::TriangleMesh;
 use super::super::parts::bodies;
 use super::super::remesh::{RemeshOptions, remesh};
@@ -14,9 +14,6 @@ use crate::error::Result;
 
 /// The size of a cell of the lattice, in edges of the new mesh.
 const CELL: f64 = 0.8;
-
-/// The most cells along an axis.
-const MOST_CELLS: f64 = 2048.0;
 
 /// The rounds in which crossings that the remeshing made may be relaxed.
 const ROUNDS: usize = 4;
@@ -34,7 +31,7 @@ pub(super) fn rebuilt(mesh: &TriangleMesh, length: f64, share: f64) -> Result<Tr
         (root.min + root.max) / 2.0,
         (root.max - root.min).max_element(),
     );
-    let step = (CELL * length).max(size / (MOST_CELLS - 4.0));
+    let step = (CELL * length).max(size / f64::from(MAX_CELLS - 5));
     let cells = (size / step).ceil() as u32 + 4;
     // Not in the planes of coordinates, where models have faces.
     let shift = DVec3::new(0.37, 0.23, 0.41) * step / 10.0;

@@ -158,6 +158,26 @@ fn small_and_bad_meshes_are_no_trouble() {
         let all = found.statistics().expect("a mesh");
         assert!(all.is_solid() && all.genus == Some(0), "{all:?}");
     }
+    // A cone whose tip has many faces.
+    let count = 5000;
+    let rim = |i: u32| {
+        let angle = f64::from(i) / f64::from(count) * std::f64::consts::TAU;
+        [angle.cos(), angle.sin(), 0.0]
+    };
+    let positions = [[0.0, 0.0, 1.0], [0.0; 3]]
+        .into_iter()
+        .chain((0..count).map(rim));
+    let sides = (0..count).flat_map(|i| {
+        let (a, b) = (2 + i, 2 + (i + 1) % count);
+        [[0, a, b], [1, b, a]]
+    });
+    let cone = TriangleMesh::new(positions.collect(), sides.collect()).expect("a mesh");
+    let found = remesh(&cone, &RemeshOptions::uniform(0.1))
+        .expect("a mesh")
+        .mesh;
+    let all = found.statistics().expect("a mesh");
+    assert!(all.is_solid() && all.genus == Some(0), "{all:?}");
+    assert!(found.faces.len() < 2500, "{}", found.faces.len());
     let nothing = TriangleMesh::default();
     assert!(
         remesh(&nothing, &RemeshOptions::uniform(1.0))
