@@ -38,28 +38,36 @@ pub(super) fn split_long(surface: &mut Surface, most: usize) {
     }
 }
 
-/// Collapses edges that are too short, the shortest first.
-pub(super) fn collapse_short(surface: &mut Surface) {
+/// Collapses edges that are too short, the shortest first. With `keeping_long`, edges that are too long already don't
+/// hinder it. Returns the number of edges that collapsed.
+pub(super) fn collapse_short(surface: &mut Surface, keeping_long: bool) -> usize {
     let mut lists = [Vec::new(), Vec::new()];
+    let mut count = 0;
     for edge in chosen(surface, |ratio| ratio < SHORTEST, 1.0) {
         if edge.iter().all(|&v| !surface.around[v as usize].is_empty())
             && surface.ratio(edge) < SHORTEST
         {
-            collapse(surface, edge, &mut lists);
+            count += usize::from(collapse(surface, edge, keeping_long, &mut lists));
         }
     }
+    count
 }
 
 /// Collapses an edge if the surface keeps its topology (the link condition: both ends have only the two vertices
 /// opposite to the edge in common), no edge gets too long, and no face turns.
-fn collapse(surface: &mut Surface, edge: [u32; 2], lists: &mut [Vec<u32>; 2]) {
+fn collapse(
+    surface: &mut Surface,
+    edge: [u32; 2],
+    keeping_long: bool,
+    lists: &mut [Vec<u32>; 2],
+) -> bool {
     let [a, b] = edge;
     let count = |v: u32| surface.around[v as usize].len();
     if count(a) + count(b) > CROWD {
-        return;
+        return false;
     }
     let Some((pair, opposite)) = surface.pair(edge) else {
-        return;
+        return false;
     };
     let [of_a, of_b] = lists;
     surface.ring(a, of_a);
@@ -69,13 +77,13 @@ fn collapse(surface: &mut Surface, edge: [u32; 2], lists: &mut [Vec<u32>; 2]) {
         .filter(|v| of_b.binary_search(v).is_ok())
         .count();
     if common != 2 || opposite[0] == opposite[1] || of_a.len() + of_b.len() < 7 {
-        return;
+        return false;
     }
     if opposite
         .iter()
         .any(|&v| count(v) < 4 && !surface.locked[v as usize])
     {
-        return;
+        return false;
     }
     let (p, q) = (surface.points[a as usize], surface.points[b as usize]);
     let middle = (p + q) / 2.0;
@@ -91,14 +99,17 @@ fn collapse(surface: &mut Surface, edge: [u32; 2], lists: &mut [Vec<u32>; 2]) {
         let short = |v: &u32| {
             let (to, length) = (surface.points[*v as usize], surface.lengths[*v as usize]);
             let most = LONGEST * (wanted + length) / 2.0;
-            let was = to.distance(p).max(to.distance(q));
-            edge.contains(v) || to.distance(**place) < most.max(was)
+            let was = || to.distance(p).max(to.distance(q));
+            let most = if keeping_long { most.max(was()) } else { most };
+            edge.contains(v) || to.distance(**place) < most
         };
         of_a.iter().all(short) && of_b.iter().all(short) && keeps(surface, edge, pair, **place)
     };
-    if let Some(&place) = places.iter().find(fits) {
+    let place = places.iter().find(fits);
+    if let Some(&place) = place {
         surface.merge(edge, place);
     }
+    place.is_some()
 }
 
 /// Returns whether the faces around an edge keep their directions if both ends of it move to a place.
@@ -127,8 +138,8 @@ fn keeps(surface: &Surface, edge: [u32; 2], pair: [u32; 2], place: DVec3) -> boo
     })
 }
 
-/// Returns whether a face that moves keeps its direction, about, and does not become a sliver. Slivers have no
-/// direction of their own, so those of the faces around count.
+/// Returns whether a face that moves keeps its direction, about, and does not become a sliver. The
+/// directions of slivers are uncertain, so those of the faces around count too.
 pub(super) fn stays(old: [DVec3; 3], new: [DVec3; 3], mean: DVec3) -> bool {
     /// Triangles less round are slivers.
     const SLIVER: f64 = 0.1;
@@ -138,7 +149,7 @@ pub(super) fn stays(old: [DVec3; 3], new: [DVec3; 3], mean: DVec3) -> bool {
         return false;
     }
     if was < SLIVER {
-        unit(new).dot(mean) > 0.1
+        unit(new).dot(mean) > 0.1 || unit(new).dot(unit(old)) > 0.9
     } else {
         unit(new).dot(unit(old)) > 0.4
     }

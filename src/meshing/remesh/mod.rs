@@ -18,6 +18,9 @@ use surface::Surface;
 /// The most faces that a remeshing makes.
 const MOST_FACES: usize = 20_000_000;
 
+/// The most rounds in which a mesh first gets coarser; each halves the number of vertices at most.
+const COARSENING: usize = 16;
+
 /// How a mesh is remeshed.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -83,12 +86,16 @@ pub fn remesh(mesh: &TriangleMesh, options: &RemeshOptions) -> Result<Remeshed> 
     let reference = Reference::new(mesh, &lengths);
     let mut surface = Surface::new(mesh, lengths.clone());
     // Fine meshes first get coarser, which leaves less to do, and thin faces are not split along their length.
-    if options.passes > 0 {
-        collapse_short(&mut surface);
+    let few = mesh.positions.len() / 50;
+    let rounds = if options.passes > 0 { COARSENING } else { 0 };
+    for _ in 0..rounds {
+        if collapse_short(&mut surface, true) <= few {
+            break;
+        }
     }
     for _ in 0..options.passes {
         split_long(&mut surface, most);
-        collapse_short(&mut surface);
+        collapse_short(&mut surface, false);
         flip(&mut surface);
         relax(&mut surface, &reference);
     }
