@@ -8,6 +8,9 @@ const PLAIN: f64 = 0.95;
 const WHITE: std::ops::Range<f32> = 0.9..1.1;
 const BLACK: f32 = 0.003;
 
+/// Whether a pixel, linear RGB and alpha, is of a kind.
+type Kind = fn(&[f32; 4]) -> bool;
+
 /// A plain background: its name, and whether each pixel belongs to it.
 pub(super) struct Background {
     pub name: &'static str,
@@ -20,10 +23,9 @@ pub(super) struct Background {
 pub(super) fn plain_background(raster: &Raster) -> Option<Background> {
     let [width, height] = raster.size();
     let mut row = vec![[0.0; 4]; width];
-    let is_white = |p: &[f32; 4]| p[..3].iter().all(|v| WHITE.contains(v));
-    let is_black = |p: &[f32; 4]| p[..3].iter().all(|v| *v <= BLACK);
-    let kinds: [(&str, &dyn Fn(&[f32; 4]) -> bool); 2] =
-        [("white", &is_white), ("black", &is_black)];
+    let is_white: Kind = |p| p[..3].iter().all(|v| WHITE.contains(v));
+    let is_black: Kind = |p| p[..3].iter().all(|v| *v <= BLACK);
+    let kinds: [(&str, Kind); 2] = [("white", is_white), ("black", is_black)];
     let mut found = [0usize; 2];
     let mut border = 0;
     for y in 0..height {

@@ -2,9 +2,9 @@
 //!
 //! Cameras are in the world of `world_mat`, P = K·[R|t]. NeuS itself works in the frame of `scale_mat`, in which the
 //! object lies in the unit sphere; here this sphere is the set's region. Its pixels have their centers at whole numbers,
-//! so half a pixel is added to the principal point.
+//! so half a pixel is added to the principal point. Masks are the images of the folder `mask`, in order.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::Distortion;
 use super::draft::{Draft, Drafts, Focal, Intrinsics, wrong};
@@ -45,12 +45,14 @@ pub(super) fn read(folder: &Path, file: &Path, files: Files) -> Result<Drafts> {
         );
         return Err(Error::format(file, message));
     }
+    let masks = masks_of(folder, file, count)?;
     let mut drafts = Drafts::new(file, Dialect::Neus);
     for (i, path) in paths.into_iter().enumerate() {
         let field = format!("world_mat_{i}");
         let rows = archive.rows(&field)?;
         let draft = draft_of(file, &format!("image {i}"), &field, rows, &path)?;
-        drafts.views.push(draft);
+        let mask = masks.get(i).cloned();
+        drafts.views.push(Draft { mask, ..draft });
     }
     if archive.has("scale_mat_0") {
         let rows = archive.rows("scale_mat_0")?;
@@ -62,6 +64,25 @@ pub(super) fn read(folder: &Path, file: &Path, files: Files) -> Result<Drafts> {
         drafts.region = Some(Region::sphere(rows.map(|row| row[3]), radius));
     }
     Ok(drafts)
+}
+
+/// Returns the masks in the order of the images; none if there is no folder `mask`. Their names may have fewer digits than
+/// those of the images.
+fn masks_of(folder: &Path, file: &Path, count: usize) -> Result<Vec<PathBuf>> {
+    let folder = folder.join("mask");
+    if !folder.is_dir() {
+        return Ok(Vec::new());
+    }
+    let masks = images_in(&folder)?;
+    if masks.len() != count {
+        let message = format!(
+            "it has {count} cameras, but {} has {} images, expected as many",
+            folder.display(),
+            masks.len()
+        );
+        return Err(Error::format(file, message));
+    }
+    Ok(masks)
 }
 
 fn draft_of(

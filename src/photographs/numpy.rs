@@ -17,12 +17,11 @@ pub(super) struct Array {
     pub values: Vec<f64>,
 }
 
-/// Reads the values as numbers of a type, or returns the file if it has another.
-fn values_as<'a, T: Deserialize + Into<f64>>(
-    npy: NpyFile<Cursor<&'a [u8]>>,
-) -> std::result::Result<std::io::Result<Vec<f64>>, NpyFile<Cursor<&'a [u8]>>> {
-    let data = npy.try_data::<T>()?;
-    Ok(data.map(|value| value.map(Into::into)).collect())
+/// Reads the values of a file as numbers of a type. `None` if it has another type.
+fn values_as<T: Deserialize + Into<f64>>(bytes: &[u8]) -> Option<std::io::Result<Vec<f64>>> {
+    let npy = NpyFile::new(Cursor::new(bytes)).ok()?;
+    let data = npy.try_data::<T>().ok()?;
+    Some(data.map(|value| value.map(Into::into)).collect())
 }
 
 impl Array {
@@ -45,10 +44,8 @@ impl Array {
             return Err(malformed(message));
         };
         let (order, kind) = (npy.order(), npy.dtype().descr());
-        let read = values_as::<f64>(npy)
-            .or_else(values_as::<f32>)
-            .or_else(values_as::<i32>);
-        let Ok(read) = read else {
+        let read = values_as::<f64>(bytes).or_else(|| values_as::<f32>(bytes));
+        let Some(read) = read else {
             return Err(malformed(format!(
                 "its numbers are {kind}, expected floats"
             )));
@@ -102,5 +99,54 @@ impl<'a> Archive<'a> {
         }
         let row = |i: usize| [0, 1, 2, 3].map(|j| array.values[4 * i + j]);
         Ok([0, 1, 2].map(row))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use npyz::WriterBuilder;
+
+    use super::*;
+
+    fn written<T: npyz::AutoSerialize + Copy>(order: Order, values: &[T]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let options = npyz::WriteOptions::new().default_dtype().order(order);
+        let writer = options.shape(&[2, 3]).writer(&mut bytes).begin_nd();
+        let mut writer = writer.expect("a writer");
+        writer.extend(values.iter().copied()).expect("values");
+        writer.finish().expect("an array");
+        bytes
+    }
+
+    #[test]
+    fn types_and_orders() {
+        let expected = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0];
+        let floats = written(Order::C, &expected.map(|v| v as f32));
+        let columns = written(Order::Fortran, &[0.5, 2.0, 1.0, 2.5, 1.5, 3.0]);
+        let path = Path::new("a.npy");
+        for bytes in [floats, columns] {
+            let array = Array::parse(&bytes, path, "poses").expect("an array");
+            assert_eq!(
+                (&array.shape[..], &array.values[..]),
+                (&[2, 3][..], &expected[..])
+            );
+        }
+        let bytes = written(Order::C, &expected);
+        for length in 0..bytes.len() {
+            let error = Array::parse(&bytes[..length], path, "poses").err();
+            assert!(
+                error
+                    .expect("an error")
+                    .to_string()
+                    .contains("a.npy: poses: ")
+            );
+        }
+        let error = Array::parse(&written(Order::C, &[true; 6]), path, "poses").err();
+        assert!(
+            error
+                .expect("an error")
+                .to_string()
+                .contains("expected floats")
+        );
     }
 }

@@ -3,7 +3,7 @@
 use super::ViewCamera;
 use super::area::{limited, shrink};
 use super::camera::Window;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::io::HostImage;
 
 /// Color, mask and weight of a pixel. Color and mask are multiplied by the weight.
@@ -58,6 +58,22 @@ impl Photograph {
         })
     }
 
+    /// Checks that all lists have the size of the camera's image.
+    fn check(&self) -> Result<()> {
+        let [width, height] = self.camera.size;
+        let color = [self.color.width, self.color.height] == self.camera.size;
+        let color = color && self.color.pixels.len() == 3 * width * height;
+        for (field, fits) in [
+            ("color", color),
+            ("mask", self.mask.len() == width * height),
+            ("weight", self.weight.len() == width * height),
+        ] {
+            let expected = format!("that of the camera, {width} × {height}");
+            Error::unless(fits, &self.name, field, "of another size", &expected)?;
+        }
+        Ok(())
+    }
+
     /// Writes a row's samples.
     fn row(&self, y: usize, row: &mut [Sample]) {
         let width = self.camera.size[0];
@@ -76,6 +92,7 @@ impl Photograph {
     /// # Errors
     /// If the photograph's lists have other sizes than its camera.
     pub fn shrunk(&self, longest: usize) -> Result<Self> {
+        self.check()?;
         let size = limited(self.camera.size, Some(longest.max(1)));
         let samples = shrink(self.camera.size, size, |y, row| self.row(y, row));
         let camera = self.camera.scaled_to(size);
@@ -107,8 +124,9 @@ impl Photograph {
     /// Returns a part of the photograph, with the camera of that part.
     ///
     /// # Errors
-    /// If the window has no pixels or some that the photograph lacks.
+    /// If the window has no pixels or some that the photograph lacks, or as [`Photograph::shrunk`].
     pub fn cropped(&self, window: Window) -> Result<Self> {
+        self.check()?;
         let camera = self.camera.cropped(window)?;
         let width = self.camera.size[0];
         let [x, y] = window.start;

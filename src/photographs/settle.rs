@@ -204,7 +204,7 @@ impl MaskFolder {
     }
 
     /// Returns the mask of an image `a/b.jpg`: `b.jpg.png` as COLMAP names it, or `b` with the ending of an image; in the
-    /// folder `a` or directly. NeuS numbers masks with three digits where the images may have more.
+    /// folder `a` or directly.
     fn mask_of(&self, view: &View) -> Option<PathBuf> {
         let whole = PathBuf::from(&view.name);
         let inner = whole.components().skip(1).collect();

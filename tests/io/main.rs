@@ -16,6 +16,8 @@ mod hostile_binary;
 mod memory;
 mod mistakes_files;
 mod obj;
+#[cfg(feature = "photographs")]
+mod photographs;
 mod pictures;
 mod places;
 mod ply;

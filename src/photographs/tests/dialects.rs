@@ -212,7 +212,12 @@ fn llff_scaled_to_its_images() {
 fn neus() {
     let folder = folder();
     sets::neus(&folder, FOCAL, PRINCIPAL);
+    for name in ["00", "01", "02"] {
+        folder.image(&format!("mask/{name}.png"), [40, 30], |_, _| [255; 4]);
+    }
     let set = open(&folder, Dialect::Neus, &cameras(FOCAL, PRINCIPAL));
+    let mask = set.views[2].mask_path.as_ref().expect("a mask");
+    assert!(mask.ends_with("mask/02.png"));
     let region = set.region().expect("a region");
     assert_eq!(region, Region::sphere([0.1, 0.2, 0.3], 2.0));
 }

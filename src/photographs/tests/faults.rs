@@ -48,7 +48,8 @@ fn empty_folders_list_what_was_looked_for() {
 
 #[test]
 fn fields_of_frames() {
-    let cases: [(&dyn Fn(&mut Value), &[&str]); 8] = [
+    type Change<'a> = &'a dyn Fn(&mut Value);
+    let cases: [(Change, &[&str]); 8] = [
         (
             &|v| drop(v.as_object_mut().expect("an object").remove("fl_x")),
             &[

@@ -3,16 +3,13 @@
 use std::fs;
 use std::io::Cursor;
 
-use glam::DVec3;
 use serde_json::json;
 
 use super::{Folder, SIZE, cameras, sets};
-use crate::photographs::{
-    Distortion, Loaded, Photograph, PhotographOptions, Photographs, Region, ViewCamera, Window,
-};
+use crate::photographs::{Loaded, Photograph, PhotographOptions, Photographs};
 
 /// The linear value of an sRGB byte.
-fn linear(byte: u8) -> f32 {
+pub fn linear(byte: u8) -> f32 {
     let v = f32::from(byte) / 255.0;
     match v <= 0.04045 {
         true => v / 12.92,
@@ -20,24 +17,24 @@ fn linear(byte: u8) -> f32 {
     }
 }
 
-fn set(folder: &Folder) -> Photographs {
+pub fn set(folder: &Folder) -> Photographs {
     sets::nerfstudio(folder, &cameras([50.0, 53.0], [18.0, 16.0]), &json!({}));
     Photographs::open(folder).expect("a set")
 }
 
 #[track_caller]
-fn load(set: &Photographs, options: &PhotographOptions) -> Loaded {
+pub fn load(set: &Photographs, options: &PhotographOptions) -> Loaded {
     let all: Vec<usize> = (0..set.views.len()).collect();
     set.load(&all, options).expect("photographs")
 }
 
 #[track_caller]
-fn assert_near(found: f32, expected: f32) {
+pub fn assert_near(found: f32, expected: f32) {
     assert!((found - expected).abs() < 1e-5, "{found} {expected}");
 }
 
 /// Images with a photograph of its own in the first place.
-fn folder_with(size: [u32; 2], color: impl Fn(u32, u32) -> [u8; 4]) -> Folder {
+pub fn folder_with(size: [u32; 2], color: impl Fn(u32, u32) -> [u8; 4]) -> Folder {
     let folder = Folder::new();
     folder.gray_images("images", 3, SIZE.map(|n| n as u32));
     folder.image("images/000.png", size, color);
@@ -132,7 +129,7 @@ fn masks_of_files() {
     }
 }
 
-trait IntoRgba {
+pub trait IntoRgba {
     fn into_rgba(self) -> [u8; 4];
 }
 
@@ -234,108 +231,6 @@ fn orientations_follow_the_camera() {
 }
 
 #[test]
-fn distortion_is_undone() {
-    let lens = Distortion::Radial {
-        numerator: [-0.25, 0.05, 0.0, 0.0],
-        denominator: [0.0; 3],
-        tangential: [0.004, -0.003],
-    };
-    let camera = ViewCamera {
-        focal: [150.0, 155.0],
-        principal: [98.0, 77.0],
-        size: [200, 150],
-        distortion: lens,
-        ..cameras([1.0; 2], [0.0; 2])[0]
-    };
-    // What the lens shows of a smooth function of the direction.
-    let seen = |[x, y]: [f64; 2]| 0.5 + 0.3 * (4.0 * x).sin() * (5.0 * y).cos();
-    let byte = |x: u32, y: u32| {
-        let shown = [
-            (f64::from(x) + 0.5 - 98.0) / 150.0,
-            (f64::from(y) + 0.5 - 77.0) / 155.0,
-        ];
-        let value = seen(lens.undistort(shown).expect("a direction")) as f32;
-        (0..=255u8).min_by(|a, b| {
-            (linear(*a) - value)
-                .abs()
-                .total_cmp(&(linear(*b) - value).abs())
-        })
-    };
-    let folder = Folder::new();
-    folder.image("images/000.png", [200, 150], |x, y| {
-        [byte(x, y).expect("a byte"); 3].into_rgba()
-    });
-    let more = json!({"k1": -0.25, "k2": 0.05, "p1": 0.004, "p2": -0.003});
-    sets::nerfstudio(&folder, &[camera], &more);
-    let set = Photographs::open(&folder).expect("a set");
-    for (longest, tolerance) in [(200, 0.006), (100, 0.006), (50, 0.012)] {
-        let options = PhotographOptions::new().with_longest_side(longest);
-        let photo = &load(&set, &options).photographs[0];
-        assert!(photo.camera.distortion.is_none() && photo.camera.to_camera().is_ok());
-        let (c, mut inside) = (photo.camera, 0);
-        for i in 0..photo.weight.len() {
-            let pixel = [(i % c.size[0]) as f64 + 0.5, (i / c.size[0]) as f64 + 0.5];
-            let direction = [0, 1].map(|a| (pixel[a] - c.principal[a]) / c.focal[a]);
-            if photo.weight[i] == 1.0 {
-                inside += 1;
-                let error = (f64::from(photo.color.pixels[3 * i]) - seen(direction)).abs();
-                assert!(error < tolerance, "{pixel:?}: {error}");
-            }
-        }
-        // This lens shows more than the pinhole, so few pixels look outside.
-        assert!(inside * 10 > 9 * photo.weight.len());
-    }
-    assert!(set.views[0].camera.to_camera().is_err());
-}
-
-#[test]
-fn pixels_outside_of_the_photograph_have_no_weight() {
-    let folder = folder_with([40, 30], |_, _| [255; 4]);
-    sets::nerfstudio(
-        &folder,
-        &cameras([50.0, 50.0], [20.0, 15.0]),
-        &json!({"k1": 0.5}),
-    );
-    let set = Photographs::open(&folder).expect("a set");
-    let photo = &load(&set, &PhotographOptions::new()).photographs[0];
-    assert_eq!((photo.weight[0], photo.weight[15 * 40 + 20]), (0.0, 1.0));
-    assert_eq!(photo.color.pixels[0], 0.0);
-    let small = photo.shrunk(10).expect("a photograph");
-    let partial = |w: &&f32| **w > 0.0 && **w < 1.0;
-    assert!(small.weight.iter().any(|w| partial(&w)));
-    // Colors are those of the pixels that are seen.
-    let seen = small.weight.iter().zip(small.color.pixels.chunks(3));
-    seen.filter(|(w, _)| **w > 0.0)
-        .for_each(|(_, c)| assert_near(c[0], 1.0));
-}
-
-#[test]
-fn levels_and_windows_keep_their_rays() {
-    let folder = folder_with([40, 30], |x, y| [(x * 6) as u8, (y * 8) as u8, 0, 255]);
-    let set = set(&folder);
-    let photo = &load(&set, &PhotographOptions::new()).photographs[0];
-    let levels = photo.levels(10).expect("levels");
-    let sizes: Vec<_> = levels.iter().map(|level| level.camera.size).collect();
-    assert_eq!(sizes, [[10, 8], [20, 15], [40, 30]]);
-    assert_eq!(&levels[2], photo);
-    let window = Window {
-        start: [7, 4],
-        size: [5, 6],
-    };
-    let part = photo.cropped(window).expect("a part");
-    assert_eq!(
-        part.color.pixels[..3],
-        photo.color.pixels[3 * (4 * 40 + 7)..][..3]
-    );
-    assert_eq!(part.camera.ray([1.5, 2.5]), photo.camera.ray([8.5, 6.5]));
-    let outside = Window {
-        start: [36, 0],
-        size: [5, 6],
-    };
-    assert!(photo.cropped(outside).is_err());
-}
-
-#[test]
 fn memory_is_checked_before_a_file_is_read() {
     let folder = folder_with([40, 30], |_, _| [9, 9, 9, 255]);
     let set = set(&folder);
@@ -358,51 +253,34 @@ fn memory_is_checked_before_a_file_is_read() {
 }
 
 #[test]
-fn masks_meet_at_the_object() {
-    let center = DVec3::new(0.25, -0.1, 0.3);
+fn deep_and_linear_images() {
     let folder = Folder::new();
-    let set_cameras = cameras([50.0; 2], [20.0, 15.0]);
-    for (i, camera) in set_cameras.iter().enumerate() {
-        folder.image(
-            &format!("images/{i:03}.png"),
-            SIZE.map(|n| n as u32),
-            |x, y| {
-                let (eye, d) = camera
-                    .ray([f64::from(x) + 0.5, f64::from(y) + 0.5])
-                    .expect("a ray");
-                let offset = center - DVec3::from(eye);
-                let inside = offset.cross(DVec3::from(d)).length() < 0.5;
-                [200, 200, 200, if inside { 255 } else { 0 }]
-            },
-        );
+    let deep = image::ImageBuffer::from_pixel(4, 3, image::Rgba([32768u16, 65535, 0, 13107]));
+    let deep: image::DynamicImage = deep.into();
+    deep.save(folder.at("images/0.png")).expect("a PNG");
+    for ending in ["exr", "hdr"] {
+        let linear = image::ImageBuffer::from_pixel(4, 3, image::Rgb([0.5f32, 4.0, 0.25]));
+        let linear: image::DynamicImage = linear.into();
+        linear
+            .save(folder.at(&format!("images/1.{ending}")))
+            .expect("an image");
     }
-    sets::nerfstudio(&folder, &set_cameras, &json!({}));
-    let set = Photographs::open(&folder).expect("a set");
-    let region = Region::of_masks(&load(&set, &PhotographOptions::new()).photographs);
-    let region = region.expect("a region");
-    assert!(center.distance(region.center.into()) < 0.03, "{region:?}");
-    assert!((0.45..0.56).contains(&region.radius), "{region:?}");
-    // The cameras look at (0.2, −0.1, 0.3).
-    let seen = set.region().expect("a region");
-    assert!(DVec3::new(0.2, -0.1, 0.3).distance(seen.center.into()) < 1e-9);
-    let error = Region::of_cameras(&[set.views[0].camera; 2]).expect_err("one direction");
-    assert!(error.to_string().contains("different directions"));
-    let points = Region::of_points(&sets::POINTS).expect("a region");
-    assert_eq!(points.low, [0.25, -1.0, -3.0]);
-}
-
-#[test]
-fn cameras_project_points_along_their_rays() {
-    let mut camera = cameras([50.0, 53.0], [18.0, 16.0])[1];
-    camera.distortion = Distortion::Radial {
-        numerator: [0.1, 0.02, 0.0, 0.0],
-        denominator: [0.0; 3],
-        tangential: [0.001, 0.002],
+    let frame = |name: &str| {
+        let pose = sets::matrix(&cameras([50.0; 2], [2.0; 2])[0]);
+        json!({"file_path": format!("images/{name}"), "transform_matrix": pose})
     };
-    let (eye, direction) = camera.ray([7.25, 21.5]).expect("a ray");
-    let point = [0, 1, 2].map(|i| eye[i] + 3.0 * direction[i]);
-    let [x, y] = camera.project(point).expect("a pixel");
-    assert!((x - 7.25).abs() < 1e-9 && (y - 21.5).abs() < 1e-9);
-    let behind = [0, 1, 2].map(|i| eye[i] - direction[i]);
-    assert!(camera.project(behind).is_none());
+    let frames = ["0.png", "1.exr", "1.hdr"].map(frame);
+    let whole = json!({"camera_angle_x": 0.7, "frames": frames});
+    folder.write("transforms.json", whole.to_string());
+    let set = Photographs::open(&folder).expect("a set");
+    let photos = load(&set, &PhotographOptions::new()).photographs;
+    // sRGB, on black by an alpha of 0.2.
+    let half = (0.5f32 + 0.055 + 0.5 / 65535.0) / 1.055;
+    assert_near(photos[0].color.pixels[0], 0.2 * half.powf(2.4));
+    assert_near(photos[0].color.pixels[1], 0.2);
+    assert_near(photos[0].mask[0], 0.2);
+    for photo in &photos[1..] {
+        assert_eq!(photo.color.pixels[..3], [0.5, 4.0, 0.25]);
+        assert!(!photo.masked);
+    }
 }

@@ -2,6 +2,7 @@
 
 mod dialects;
 mod faults;
+mod geometry;
 mod loading;
 mod sets;
 
