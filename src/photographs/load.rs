@@ -98,7 +98,7 @@ impl Mask {
 /// Loads the photograph of a view, and returns it with the name of the plain background that was found.
 ///
 /// # Errors
-/// If a file can't be read, or has another size than when the set was opened.
+/// If a file can't be read, has another size than when the set was opened, or has pixels that are not finite.
 pub(super) fn load(
     view: &View,
     options: &PhotographOptions,
@@ -144,6 +144,17 @@ pub(super) fn load(
             shrink(between, size, |y, row| undistorted(&lens, &image, y, row))
         }
     };
+    if let Some(i) = samples
+        .iter()
+        .position(|s| s.iter().any(|v| !v.is_finite()))
+    {
+        let message = format!(
+            "near to its pixel ({}, {}) it is not a number or infinite, expected finite numbers",
+            (i % size[0]) * full[0] / size[0],
+            (i / size[0]) * full[1] / size[1]
+        );
+        return Err(Error::format(&view.path, message));
+    }
     let photograph = Photograph::of_samples(&view.name, &samples, camera, masked)?;
     let found = match mask {
         Mask::Plain(background) => Some(background.name),

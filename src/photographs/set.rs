@@ -231,7 +231,8 @@ impl Photographs {
     ///
     /// # Errors
     /// If an index is out of range, the photographs would take more memory than the options allow (checked before any
-    /// is read), a file can't be read, or a mask has another size than its photograph.
+    /// is read), a file can't be read, or a mask has another size than its photograph, or a pixel is not
+    /// finite.
     pub fn load(&self, indices: &[usize], options: &PhotographOptions) -> Result<Loaded> {
         /// Files that are decoded at a time.
         const AT_ONCE: usize = 2;

@@ -27,6 +27,10 @@ pub(super) fn read(file: &Path, files: Files) -> Result<Drafts> {
     let images = folder.join("images");
     drafts.images = images.is_dir().then_some(images);
     let fields = Fields::new(file, "the file", &top, None)?;
+    if let Some(name) = fields.text("ply_file_path")? {
+        let note = format!("the points of ply_file_path, {name:?}, are not read");
+        drafts.notes.push(note);
+    }
     if let Some(applied) = fields.rows("applied_transform")? {
         add_points(&mut drafts, folder, applied, files)?;
     }

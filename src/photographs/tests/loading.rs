@@ -284,3 +284,19 @@ fn deep_and_linear_images() {
         assert!(!photo.masked);
     }
 }
+
+#[test]
+fn pixels_that_are_no_number_are_an_error() {
+    let folder = folder_with([40, 30], |_, _| [9, 9, 9, 255]);
+    let mut image = image::Rgb32FImage::new(40, 30);
+    image.put_pixel(7, 9, image::Rgb([f32::NAN, 0.0, 0.0]));
+    let image: image::DynamicImage = image.into();
+    image.save(folder.at("images/x.exr")).expect("an image");
+    fs::rename(folder.at("images/x.exr"), folder.at("images/000.png")).expect("a file");
+    let error = set(&folder).load(&[0], &PhotographOptions::new());
+    let error = error.expect_err("an error").to_string();
+    assert!(
+        error.contains("000.png") && error.contains("(7, 9)"),
+        "{error}"
+    );
+}
