@@ -82,7 +82,7 @@ impl Photographs {
     /// Opens the set in a folder. These are looked for in order, and the first one is read:
     /// 1. `transforms.json` (instant-ngp, nerfstudio),
     /// 2. `transforms_train.json` with `transforms_val.json` and `transforms_test.json` (NeRF's synthetic scenes),
-    /// 3. a model of COLMAP in the folder, `sparse/0`, `sparse` or `colmap/sparse/0`,
+    /// 3. a model of COLMAP in the folder, or in one of sparse/0, sparse and colmap/sparse/0,
     /// 4. `cameras_sphere.npz` or `cameras.npz` (NeuS, IDR),
     /// 5. `poses_bounds.npy` (LLFF).
     ///

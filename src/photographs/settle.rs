@@ -203,7 +203,7 @@ impl MaskFolder {
         folders.into_iter().find(|f| f.is_dir()).map(Self)
     }
 
-    /// Returns the mask of an image `a/b.jpg`: `b.jpg.png` as COLMAP names it, or `b` with the ending of an image; in the
+    /// Returns the mask of an image a/b.jpg: `b.jpg.png` as COLMAP names it, or `b` with the ending of an image; in the
     /// folder `a` or directly.
     fn mask_of(&self, view: &View) -> Option<PathBuf> {
         let whole = PathBuf::from(&view.name);

@@ -104,7 +104,7 @@ fn add_frames(
     Ok(top)
 }
 
-/// Returns a name without `./` before it.
+/// Returns a name without a dot and slash before it.
 fn plain(name: &str) -> &str {
     name.strip_prefix("./").unwrap_or(name)
 }
