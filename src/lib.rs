@@ -39,6 +39,10 @@ struct Guide;
 #[doc = include_str!("../docs/README.md")]
 struct Introduction;
 
+#[cfg(all(doctest, feature = "photographs"))]
+#[doc = include_str!("../docs/PHOTOGRAPHS.md")]
+struct Photographs;
+
 #[cfg(all(doctest, feature = "fit"))]
 mod recipes {
     #[doc = include_str!("../docs/recipes/pose.md")]

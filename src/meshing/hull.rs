@@ -88,10 +88,11 @@ impl HullOptions {
 /// the hull.
 pub fn visual_hull(
     silhouettes: &[Silhouette],
-    region: Region,
+    region: impl Into<Region>,
     options: &HullOptions,
 ) -> Result<TriangleMesh> {
     options.check()?;
+    let region = region.into();
     let object = "visual hull";
     let finite = region.center.iter().all(|x| x.abs() <= 1e30);
     let shown = format!("{:?}", region.center);

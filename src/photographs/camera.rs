@@ -64,6 +64,16 @@ impl ViewCamera {
         self.to_world.map(|row| -row[2])
     }
 
+    /// Returns the first three rows of the matrix from the world to the camera, in the axes of OpenGL.
+    pub fn from_world(&self) -> [[f64; 4]; 3] {
+        let m = &self.to_world;
+        [0, 1, 2].map(|i| {
+            let row = [0, 1, 2].map(|j| m[j][i]);
+            let shift: f64 = (0..3).map(|j| row[j] * m[j][3]).sum();
+            [row[0], row[1], row[2], -shift]
+        })
+    }
+
     /// Returns the rotation from camera to world in the axes of OpenGL.
     fn rotation(&self) -> DMat3 {
         let [x, y, z] = [0, 1, 2].map(|j| DVec3::from(self.to_world.map(|row| row[j])));

@@ -5,6 +5,7 @@ use super::area::{limited, shrink};
 use super::camera::Window;
 use crate::error::{Error, Result};
 use crate::io::HostImage;
+use crate::meshing::Silhouette;
 
 /// Color, mask and weight of a pixel. Color and mask are multiplied by the weight.
 pub(super) type Sample = [f32; 5];
@@ -56,6 +57,19 @@ impl Photograph {
             masked,
             camera,
         })
+    }
+
+    /// Returns the mask as a silhouette, from which [`visual_hull`](crate::meshing::visual_hull) carves.
+    pub fn silhouette(&self) -> Silhouette<'_> {
+        let camera = &self.camera;
+        Silhouette {
+            world_to_camera: camera.from_world(),
+            focal: camera.focal,
+            principal: camera.principal,
+            width: camera.size[0],
+            height: camera.size[1],
+            mask: &self.mask,
+        }
     }
 
     /// Checks that all lists have the size of the camera's image.

@@ -4,6 +4,7 @@ use glam::{DMat3, DVec3};
 
 use super::{Photograph, ViewCamera};
 use crate::error::{Error, Result};
+use crate::meshing;
 
 /// A ball and a box that hold what a set of photographs shows, in scene units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +17,14 @@ pub struct Region {
     pub low: [f64; 3],
     /// The upper corner of the box.
     pub high: [f64; 3],
+}
+
+impl From<Region> for meshing::Region {
+    /// Takes the ball.
+    fn from(region: Region) -> Self {
+        let (center, radius) = (region.center, region.radius);
+        Self { center, radius }
+    }
 }
 
 impl Region {
