@@ -39,7 +39,7 @@ impl<'a> View<'a> {
         let same = [width, height] == [target.width, target.height];
         let size = format!("{width} × {height}");
         Error::unless(same, "image", "size", size, &expected)?;
-        let count = width.checked_mul(height).unwrap_or(usize::MAX);
+        let count = width.saturating_mul(height);
         for (name, pixels) in [("image", &image.pixels), ("target", &target.pixels)] {
             let valid = Some(pixels.len()) == count.checked_mul(3);
             let expected = format!("{width} · {height} · 3");
