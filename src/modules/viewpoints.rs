@@ -179,7 +179,9 @@ mod tests {
         let scene = Scene::new()
             .with_object(ball)
             .with_environment([1.0, 0.5, 0.2]);
-        let options = RenderOptions::new(16, 16).with_samples(256).with_bounces(0);
+        let options = RenderOptions::new(16, 16)
+            .with_samples(1024)
+            .with_bounces(0);
         let weights: Vec<f32> = (0..768)
             .map(|i| (0.2 * (i / 3 % 16) as f32).sin() + (0.15 * (i / 48) as f32).cos())
             .collect();
@@ -188,15 +190,16 @@ mod tests {
             Ok((render(&scene, camera, &options)?.radiance * weights.clone()).sum())
         };
         let given = loss(&cameras()[1])?.into_scalar::<f64>();
-        let found = loss(&params.camera(1)?)?;
-        assert!((found.clone().into_scalar::<f64>() - given).abs() < 1e-3);
-        let gradients = found.backward();
+        let own = loss(&params.camera(1)?)?;
+        assert!((own.clone().into_scalar::<f64>() - given).abs() < 1e-3);
+        let gradients = own.backward();
         let of = |p: &Tensor<2>| p.grad(&gradients).map(|g| host_values(&g)).transpose();
         let turns = of(&params.turns.val())?.expect("a gradient");
         let shifts = of(&params.shifts.val())?.expect("a gradient");
         let focal = params.log_focal.val().grad(&gradients).expect("a gradient");
         assert!(turns[..3].iter().chain(&shifts[..3]).all(|&g| g == 0.0));
-        let step = 0.02;
+        let step = 0.004;
+        let mut found = Vec::new();
         for k in 0..7 {
             let at = |by: f64| -> Result<f64> {
                 let mut other = ViewpointParams::from_cameras(&cameras(), 4.0, &d)?;
@@ -215,11 +218,11 @@ mod tests {
                 1 => shifts[k],
                 _ => focal.clone().into_scalar::<f64>(),
             };
-            let scale = 2.0 + difference.abs();
-            assert!(
-                (gradient - difference).abs() < 0.05 * scale,
-                "{k}: {gradient} {difference}"
-            );
+            found.push((gradient, difference));
+        }
+        let largest = found.iter().map(|(_, d)| d.abs()).fold(0.0, f64::max);
+        for (gradient, difference) in &found {
+            assert!((gradient - difference).abs() < 0.04 * largest, "{found:?}");
         }
         Ok(())
     }
