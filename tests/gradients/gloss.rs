@@ -5,7 +5,7 @@ use std::fmt;
 use std::ops::Range;
 
 use crate::common::long;
-use crate::common::numbers::mean;
+use crate::common::numbers::{mean, mean_and_error};
 use crate::common::scenes::{diffuse, emitting, floor};
 use crate::common::tensors::{gradient, leaf, scalar};
 use burn::tensor::Device;
@@ -25,8 +25,9 @@ enum Shape {
 enum Surface {
     Matt,
     Metal,
-    /// Metal with a roughness of 0.05.
+    /// Metal with a roughness of 0.05, and glass of 0.1.
     Polished,
+    PolishedGlass,
     Glass,
 }
 
@@ -132,6 +133,9 @@ impl Setting {
             Surface::Metal => Object::new(body).with_material(metal(color, 1.0, 0.2)),
             Surface::Polished => Object::new(body).with_material(metal(color, 1.0, 0.05)),
             Surface::Glass => Object::new(body).with_material(Material::dielectric(1.5, 0.2)),
+            Surface::PolishedGlass => {
+                Object::new(body).with_material(Material::dielectric(1.5, 0.1))
+            }
         };
         let ground = floor(3.0, 0.0, &d);
         let ground = match self.floor {
@@ -155,36 +159,44 @@ impl Setting {
         (scene, camera)
     }
 
-    fn noise(&self, seeds: u64, samples: u32) -> Noise {
-        let d = Device::flex();
+    /// The image with the body at `x`, times a smooth weight of each pixel.
+    fn image(&self, x: &Tensor<1>, samples: u32, seed: u64) -> Tensor<3> {
         let wave = |i: usize| {
             let (x, y) = ((i % PIXELS) as f32, (i / PIXELS) as f32);
             (0.42 * x).sin() + 0.5 * (0.66 * y).cos()
         };
         let weights: Vec<f32> = (0..PIXELS * PIXELS).map(wave).collect();
-        let weights = leaf(&weights, &d).inner().reshape([PIXELS, PIXELS, 1]);
-        let image = |x: &Tensor<1>, samples, seed| {
-            let (scene, camera) = self.scene(x);
-            let mut options = RenderOptions::new(PIXELS, PIXELS)
-                .with_samples(samples)
-                .with_bounces(self.bounces)
-                .with_seed(seed);
-            if self.light == Light::Point {
-                options = options.with_visibility(Visibility::cone(1.0));
-            }
-            let image = render(&scene, &camera, &options).expect("an image");
-            image.radiance * weights.clone()
-        };
-        let at = |x: f32| image(&leaf(&[x, 0.0, 0.0], &d).inner(), samples, 7);
-        let change = scalar(&((at(0.05) - at(-0.05)) / 0.1).abs().sum());
-        let of_seed = |seed| {
-            let x = leaf(&[0.0; 3], &d);
-            let sum = image(&x, 16, seed).sum();
-            (
-                scalar(&sum.clone().inner()),
-                gradient(&x, &sum.backward())[0],
-            )
-        };
+        let weights = leaf(&weights, &Device::flex()).inner();
+        let (scene, camera) = self.scene(x);
+        let mut options = RenderOptions::new(PIXELS, PIXELS)
+            .with_samples(samples)
+            .with_bounces(self.bounces)
+            .with_seed(seed);
+        if self.light == Light::Point {
+            options = options.with_visibility(Visibility::cone(1.0));
+        }
+        let image = render(&scene, &camera, &options).expect("an image");
+        image.radiance * weights.reshape([PIXELS, PIXELS, 1])
+    }
+
+    /// The difference of two images over that of the body's x, whose mean is 0.
+    fn difference(&self, step: f32, samples: u32, seed: u64) -> Tensor<3> {
+        let d = Device::flex();
+        let at = |x: f32| self.image(&leaf(&[x, 0.0, 0.0], &d).inner(), samples, seed);
+        (at(step) - at(-step)) / (2.0 * f64::from(step))
+    }
+
+    /// The weighted image's sum and its derivative.
+    fn derivative(&self, seed: u64) -> (f64, f64) {
+        let x = leaf(&[0.0; 3], &Device::flex());
+        let sum = self.image(&x, 16, seed).sum();
+        let derivative = gradient(&x, &sum.clone().backward())[0];
+        (scalar(&sum.inner()), derivative)
+    }
+
+    fn noise(&self, seeds: u64, samples: u32) -> Noise {
+        let change = scalar(&self.difference(0.05, samples, 7).abs().sum());
+        let of_seed = |seed| self.derivative(seed);
         let (sums, found): (Vec<f64>, Vec<f64>) = (0..seeds).into_par_iter().map(of_seed).unzip();
         let (variance, worst) = spread(&found);
         Noise {
@@ -295,5 +307,43 @@ fn glossy_bodies_have_little_noise_beside_matt_ones() {
             println!("{class}: median {median:.2}");
             assert!(median < most, "{class}: {median} {ratios:?}");
         }
+    }
+}
+
+/// Light of an environment map arrives at a polished surface in directions that turn with its lobe.
+#[test]
+fn directions_to_a_map_turn_with_polished_lobes() {
+    for (surface, shape, bounces) in [
+        (Surface::Polished, Shape::SmoothBall, 0),
+        (Surface::Polished, Shape::Cube, 1),
+        (Surface::PolishedGlass, Shape::SmoothBall, 1),
+    ] {
+        let setting = Setting {
+            shape,
+            surface,
+            floor: Surface::Matt,
+            light: Light::Window,
+            bounces,
+        };
+        let seeds = if long() { 2048 } else { 384 };
+        let found: Vec<f64> = (0..seeds)
+            .into_par_iter()
+            .map(|seed| setting.derivative(seed).1)
+            .collect();
+        let differences: Vec<f64> = (0..seeds / 4)
+            .into_par_iter()
+            .map(|seed| scalar(&setting.difference(0.01, 64, seed).sum()))
+            .collect();
+        let change = scalar(&setting.difference(0.05, 256, 7).abs().sum());
+        let (derivative, error) = mean_and_error(&found);
+        let (difference, other) = mean_and_error(&differences);
+        let error = error.hypot(other);
+        println!("{setting}: {derivative} - {difference} = ± {error} of {change}");
+        assert!(error < 0.06 * change, "{setting}: {error} of {change}");
+        let apart = (derivative - difference).abs();
+        assert!(
+            apart < 4.0 * error,
+            "{setting}: {derivative} {difference} ± {error}"
+        );
     }
 }
