@@ -70,6 +70,8 @@ pub(crate) fn pack(
     };
     let kernels = |v: usize| {
         let features = Features {
+            // Kernels hold directions to maps, which keeps them short.
+            turns_to_map: false,
             boxes: !scene(v).tree.nodes.is_empty(),
             // Rounded up, so that kernels can be reused after the tree has grown. The first place marks the end.
             stack: (scene(v).tree.depth + 1).next_power_of_two().max(64),

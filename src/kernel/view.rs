@@ -141,6 +141,7 @@ impl View {
             combined: settings.multiple_importance && !self.scene.emitters.triangles().is_empty(),
             sees_sky: shines && !gathers_map,
             gathers_map,
+            turns_to_map: gathers_map && of_scene.glossy && self.cone <= 0.0,
             cones: self.cone > 0.0,
             roulette: settings.roulette_after.is_some(),
             clamp: settings.clamp.is_some(),

@@ -31,6 +31,8 @@ pub(crate) struct Features {
     /// gathered at surfaces instead.
     pub sees_sky: bool,
     pub gathers_map: bool,
+    /// Whether directions to a map turn with the lobes of polished surfaces in derivatives, on the host.
+    pub turns_to_map: bool,
     /// Whether there is no light at all.
     pub dark: bool,
     pub cones: bool,

@@ -84,7 +84,7 @@ impl<'a> Scene<'a> {
     #[inline(always)]
     pub fn turns_to_map(&self, shading: &Shading) -> bool {
         let mut turns = false;
-        if comptime!(self.features.glossy && self.features.gathers_map && !self.features.cones) {
+        if comptime!(self.features.turns_to_map) {
             turns = shading.is_smoother_than(POLISHED);
         }
         turns

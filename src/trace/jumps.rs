@@ -320,8 +320,10 @@ pub(crate) fn reflected_backward(
     if comptime!(scene.features.gathers_map) && light.jump.opacity != 0.0 {
         let of_map = e.carried.dot(sky(scene, e.axis)) * light.jump.opacity;
         scale -= of_map;
-        // Other directions to a map are fixed.
-        turns -= select(scene.turns_to_map(&shading), of_map, 0.0);
+        if comptime!(scene.features.turns_to_map) {
+            // Other directions to a map are fixed.
+            turns -= select(scene.turns_to_map(&shading), of_map, 0.0);
+        }
     }
     let by_axis = jump.motion.edge.by_axis;
     if comptime!(scene.features.glossy) && s.follows {

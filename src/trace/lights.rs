@@ -7,6 +7,7 @@ use super::scene::{CLAMP, OF_GROUP, Scene};
 use super::sums::{Sums, add_to_light};
 use super::surface::{Point, PointGradient};
 use super::texture::{sky, sky_backward};
+use crate::model::bsdf::Turning;
 pub(crate) use crate::model::connection::Arrived;
 use crate::model::connection::Target;
 use crate::model::emitter::LightPoint;
@@ -247,27 +248,31 @@ pub(crate) fn map_backward(
     target.radiance = sky(scene, target.direction);
     let shading = point.shading;
     let found = target.backward(&shading, arrived, g, throughput, &mut by.shading);
-    let turns = scene.turns_to_map(&shading);
-    let mut by_direction = splat(0.0);
-    if comptime!(sums.of.sky) || turns {
-        by_direction = sky_backward(scene, sums, target.direction, found.radiance);
-    }
-    if comptime!(scene.features.glossy) && turns {
-        let light = g.times(throughput).times(target.radiance) * (1.0 / arrived.density);
-        let mut lobe = 0u32;
-        while lobe < 2 {
-            let of_gloss = lobe == 0;
-            let turning = scene.turning(&shading, target.direction, of_gloss);
-            shading.turn_backward(
-                target.direction,
-                of_gloss,
-                light,
-                by_direction,
-                &turning,
-                &mut by.shading,
-            );
-            lobe += 1;
+    if comptime!(scene.features.turns_to_map) {
+        let turns = scene.turns_to_map(&shading);
+        let mut by_direction = splat(0.0);
+        if comptime!(sums.of.sky) || turns {
+            by_direction = sky_backward(scene, sums, target.direction, found.radiance);
         }
+        if turns {
+            let light = g.times(throughput).times(target.radiance) * (1.0 / arrived.density);
+            let mut lobe = 0u32;
+            while lobe < 2 {
+                let of_gloss = lobe == 0;
+                let turning: Turning = scene.turning(&shading, target.direction, of_gloss);
+                shading.turn_backward(
+                    target.direction,
+                    of_gloss,
+                    light,
+                    by_direction,
+                    &turning,
+                    &mut by.shading,
+                );
+                lobe += 1;
+            }
+        }
+    } else if comptime!(sums.of.sky) {
+        sky_backward(scene, sums, target.direction, found.radiance);
     }
     found.throughput
 }

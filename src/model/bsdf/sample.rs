@@ -1,9 +1,9 @@
 //! Sampling of directions from a BSDF, and derivatives of samples at fixed random numbers.
 
-#[cfg(feature = "gpu")]
-use super::ShadingExpand;
 use super::scatter::{Scatter, Turning};
 use super::{IMPOSSIBLE, Shading, ShadingGradient};
+#[cfg(feature = "gpu")]
+use super::{ShadingExpand, ShadingGradientExpand};
 use crate::cube::*;
 use crate::model::frame::{sin_cos_of_turns, to_local};
 use crate::model::{V3, splat, v3};
