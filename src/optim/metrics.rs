@@ -1,5 +1,5 @@
 //! Measures of how well images agree, for reports: they are numbers, and have no gradients. For losses see
-//! [`loss`](super::loss).
+//! [`loss`].
 //!
 //! ```
 //! use softray::optim::metrics::{self, View};
