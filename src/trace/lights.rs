@@ -254,7 +254,8 @@ pub(crate) fn map_backward(
         if comptime!(sums.of.sky) || turns {
             by_direction = sky_backward(scene, sums, target.direction, found.radiance);
         }
-        if turns {
+        // Without derivatives of rays nothing turns the lobes.
+        if comptime!(sums.of.rays || sums.of.turns) && turns {
             let light = g.times(throughput).times(target.radiance) * (1.0 / arrived.density);
             let mut lobe = 0u32;
             while lobe < 2 {
