@@ -15,11 +15,12 @@ use crate::model::texture::{Color, Texels, Texture};
 use crate::model::triangle::{AREA, Triangle, triangle_at};
 use crate::sampling::{Emitter, EmitterGroup, EmitterSampling, Emitters};
 use crate::scene::{
-    CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, LightPart, MaterialKind,
-    SceneFrame,
+    BsdfKind, CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, LightPart,
+    MaterialKind, SceneFrame,
 };
 use crate::trace::{
-    COMPENSATED, EMITS, FOLLOWED, Features, GLOSSY, GLOWS, MATERIAL, MODEL, NONE, REFLECTS, Scene,
+    COMPENSATED, EMITS, FOLLOWED, Features, GLOSSY, GLOWS, MATERIAL, MODEL, NONE, POLISHED,
+    REFLECTS, Scene,
 };
 
 /// A scene as kernels trace it.
@@ -163,6 +164,7 @@ impl KernelScene {
             sky_constant: !self.sky.values.is_empty() && self.sky.drawn.is_none(),
             sky_map: self.sky.drawn.is_some(),
             dark: self.emitters.is_empty() && self.sky.values.is_empty(),
+            turns_to_map: self.materials.iter().any(|m| m.is_polished(&self.texels)),
             ..Features::default()
         }
     }
@@ -343,6 +345,20 @@ pub(crate) struct Material {
 impl Material {
     pub fn is_textured(&self) -> bool {
         self.normal_map.is_some() || self.channels.iter().any(|c| c.texture.is_some())
+    }
+
+    /// Whether any of its lobes may turn with the surface towards a map ([`Scene::turns_to_map`]).
+    fn is_polished(&self, texels: &Texels) -> bool {
+        let exponent = &self.channels[Channel::Roughness.place()];
+        let polished = match exponent.texture {
+            Some(t) => {
+                let first = 3 * t.first as usize;
+                let of_texture = &texels.0[first..][..3 * (t.width * t.height) as usize];
+                of_texture.iter().step_by(3).any(|&r| r < POLISHED)
+            }
+            None => exponent.constant.x < POLISHED,
+        };
+        self.kind.glossy && (polished || self.kind.bsdf == BsdfKind::Phong)
     }
 
     /// Whether bounces may follow it ([`Scene::is_followed`]).

@@ -83,6 +83,18 @@ pub(crate) struct ViewSettings {
     pub interior: bool,
 }
 
+impl ViewSettings {
+    /// Returns whether a gradient of a scene has boundary terms. If nothing moves and normals turn, the jumps are in what
+    /// sampled directions meet: directions to emitters and to a map do not turn, except those of polished surfaces to a
+    /// map.
+    pub fn has_jumps(&self, scene: &KernelScene, wanted: &Wanted) -> bool {
+        let f = &scene.features;
+        let gathers = f.sky_map && self.multiple_importance && self.cone <= 0.0;
+        let meets = self.bounces > 0 || f.emitters || f.turns_to_map || !gathers;
+        wanted.shifts() || wanted.of.turns && meets
+    }
+}
+
 impl View {
     pub fn new(
         scene: Arc<KernelScene>,
@@ -141,7 +153,7 @@ impl View {
             combined: settings.multiple_importance && !self.scene.emitters.triangles().is_empty(),
             sees_sky: shines && !gathers_map,
             gathers_map,
-            turns_to_map: gathers_map && of_scene.glossy && self.cone <= 0.0,
+            turns_to_map: gathers_map && of_scene.turns_to_map && self.cone <= 0.0,
             cones: self.cone > 0.0,
             roulette: settings.roulette_after.is_some(),
             clamp: settings.clamp.is_some(),

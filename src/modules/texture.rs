@@ -225,6 +225,34 @@ impl EnvironmentParams {
         }
     }
 
+    /// Returns new parameters with `height` rows and twice as many columns. Logarithms are looked up bilinearly.
+    ///
+    /// # Errors
+    /// If there are no texels, or they cannot be read.
+    pub fn resized(&self, height: usize) -> Result<Self> {
+        let old = self.log_radiance.val();
+        let [rows, columns, _] = old.dims();
+        let size = check_size("environment", [height, 2 * height])?;
+        let values = host_values(&old)?;
+        let value = |i: usize| {
+            let (channel, column, row) = (i % 3, i / 3 % size[1], i / 3 / size[1]);
+            let [y, x] = [(row, rows, size[0]), (column, columns, size[1])]
+                .map(|(k, old, new)| (k as f64 + 0.5) * old as f64 / new as f64 - 0.5);
+            let at = |y: f64, x: f64| {
+                let row = y.clamp(0.0, (rows - 1) as f64) as usize;
+                let column = x.rem_euclid(columns as f64) as usize;
+                values[3 * (row * columns + column) + channel]
+            };
+            let ([top, left], right) = ([y.floor(), x.floor()], x - x.floor());
+            let of_row = |y| at(y, left) * (1.0 - right) + at(y, left + 1.0) * right;
+            of_row(top) * (top + 1.0 - y) + of_row(top + 1.0) * (y - top)
+        };
+        let values = (0..3 * size[0] * size[1]).map(value).collect();
+        Ok(Self {
+            log_radiance: leaf(values, size, &old.device()),
+        })
+    }
+
     /// Returns the radiance `[H, W, 3]`, in the graph of the parameters.
     pub fn texels(&self) -> Tensor<3> {
         positive(self.log_radiance.val())

@@ -138,6 +138,16 @@ impl ViewCamera {
         }
     }
 
+    /// Returns the camera in its own frame: at the origin, looking along −z with y up. A scene that is moved by
+    /// [`ViewCamera::from_world`] looks the same from it, in a light that turns with the camera.
+    pub fn in_own_frame(&self) -> Self {
+        let axis = |i: usize| [0, 1, 2, 3].map(|j| if i == j { 1.0 } else { 0.0 });
+        Self {
+            to_world: [0, 1, 2].map(axis),
+            ..*self
+        }
+    }
+
     /// Returns the camera with which scenes are rendered, with its eye, target and up vector, and
     /// [`Projection::Intrinsics`]. A render of [`ViewCamera::size`] has the pixels of the photograph.
     ///

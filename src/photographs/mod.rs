@@ -14,6 +14,7 @@ mod background;
 mod batches;
 mod camera;
 mod colmap;
+mod crop;
 mod distortion;
 mod draft;
 mod fields;
@@ -34,6 +35,7 @@ mod view;
 
 pub use batches::Batches;
 pub use camera::{ViewCamera, Window};
+pub use crop::crop_to_masks;
 pub use distortion::Distortion;
 pub use load::PhotographOptions;
 pub use photograph::Photograph;

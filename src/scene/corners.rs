@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::{Device, Tensor, TensorData};
 
 /// Values at the corners of faces, with their own indices.
 /// Texture coordinates and normals may have seams where positions have none.
@@ -24,6 +24,17 @@ impl CornerAttribute {
     pub fn new(values: Tensor<2>, faces: impl Into<Arc<Vec<[u32; 3]>>>) -> Self {
         let faces = faces.into();
         Self { values, faces }
+    }
+
+    /// Creates an attribute from constant values on a device, in its default float type, and their rows at the three
+    /// corners of each face.
+    pub fn from_host<const C: usize>(
+        values: &[[f64; C]],
+        faces: impl Into<Arc<Vec<[u32; 3]>>>,
+        device: &Device,
+    ) -> Self {
+        let numbers = TensorData::new(values.concat(), [values.len(), C]);
+        Self::new(Tensor::from_data(numbers, device), faces)
     }
 
     /// Flips the sign of the bitangents of tangents, for a mirror image.

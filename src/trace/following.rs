@@ -40,7 +40,7 @@ const GRAZING: f32 = 0.8;
 const LOW_GRAZING: f32 = 0.2;
 
 /// The roughness below which directions to an environment map turn with the lobe.
-const POLISHED: f32 = 0.12;
+pub(crate) const POLISHED: f32 = 0.12;
 
 /// Where a ray comes from that may follow the material.
 #[apply(record!)]

@@ -184,10 +184,12 @@ pub(super) fn prepare(
         };
         let ids = places.scene.iter().chain(&places.camera).map(|p| p.0);
         let wanted = Wanted::new(&scenes[*scene], ids);
-        if wanted.moves() {
+        let settings = settings_of(&options.of_view(index), angle, interior);
+        let jumps = settings.has_jumps(&scenes[*scene], &wanted);
+        if jumps {
             moving[*scene].get_or_insert(index);
         }
-        of_views.push((wanted, places));
+        of_views.push((wanted, places, settings, jumps));
     }
     let for_gpu = interior && on_gpu(&context);
     let edges = |(s, view): (usize, &Option<usize>)| {
@@ -199,20 +201,21 @@ pub(super) fn prepare(
         moving.par_iter().enumerate().map(edges).collect()
     });
     let mut filters = Filters::default();
-    let of_batch = batch.views.iter().zip(&cameras).enumerate();
+    let of_batch = batch.views.iter().zip(&cameras);
     let of_batch = of_batch.zip(of_views);
-    let views = of_batch.map(|((index, ((scene, _), camera)), (wanted, places))| {
-        // With a blur of all rays, the camera rays' cone is as wide as the others.
-        let wide = options.blur_slope();
-        let pixels_per_tangent = 0.5 * options.height as f64 / camera.half_height;
-        let filter = filters.of_cone(pixels, wide * pixels_per_tangent);
-        let edges = edge_sets[*scene].clone().filter(|_| wanted.moves());
-        let settings = settings_of(&options.of_view(index), angle, interior);
-        let scene = scenes[*scene].clone();
-        let view = View::new(scene, *camera, filter, settings, wanted, edges);
-        view.warn_of_hard_shadows();
-        (view, places)
-    });
+    let views = of_batch.map(
+        |(((scene, _), camera), (wanted, places, settings, jumps))| {
+            // With a blur of all rays, the camera rays' cone is as wide as the others.
+            let wide = options.blur_slope();
+            let pixels_per_tangent = 0.5 * options.height as f64 / camera.half_height;
+            let filter = filters.of_cone(pixels, wide * pixels_per_tangent);
+            let edges = edge_sets[*scene].clone().filter(|_| jumps);
+            let scene = scenes[*scene].clone();
+            let view = View::new(scene, *camera, filter, settings, wanted, edges);
+            view.warn_of_hard_shadows();
+            (view, places)
+        },
+    );
     Ok(Prepared {
         views: views.collect(),
         parent: (!row.rows.is_empty()).then(|| Tensor::cat(row.rows, 0)),

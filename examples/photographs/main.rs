@@ -1,0 +1,246 @@
+//! From photographs with cameras and masks to a mesh with textures, and the light: `photographs FOLDER`.
+//!
+//! Levels go from coarse to fine. All but the last move the mesh, which is made even and sound again before each; the last
+//! has textures as fine as the photographs, with a normal map. See docs/PHOTOGRAPHS.md.
+
+mod asset;
+mod results;
+mod stage;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use burn::module::{Param, ParamGroup};
+use burn::optim::AdamConfig;
+use clap::Parser;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use softray::atlas::{Atlas, AtlasOptions, Textured, transfer};
+use softray::meshing::{
+    HullOptions, RemeshOptions, RepairOptions, SmoothOptions, TriangleMesh, remesh, repair, smooth,
+    visual_hull,
+};
+use softray::modules::{EnvironmentParamsConfig, NormalMapParamsConfig, ViewpointParams};
+use softray::optim::{Evaluation, Fit, LargeSteps, LargeStepsConfig, Report, Step};
+use softray::photographs::{
+    Batches, Photograph, PhotographOptions, Photographs, Region, Split, crop_to_masks,
+};
+use softray::prelude::*;
+
+use asset::{Asset, Level, Targets, camera, compare};
+use stage::Stage;
+
+/// Fits a mesh, its textures and the light to photographs.
+#[derive(Parser, Clone, Debug)]
+struct Arguments {
+    /// Folder with transforms.json, sparse/0 of COLMAP, poses_bounds.npy or cameras_sphere.npz, and the photographs.
+    folder: PathBuf,
+    /// Longest side in pixels to which photographs are shrunk.
+    #[arg(long, default_value_t = 256)]
+    size: usize,
+    /// Time for the fit, about. Default: 2 for 128 pixels, 10 for 256, 30 for 512.
+    #[arg(long)]
+    minutes: Option<f64>,
+    /// A result within a minute: 64 pixels.
+    #[arg(long)]
+    quick: bool,
+    /// Goes on where a stopped run with the same settings was.
+    #[arg(long)]
+    resume: bool,
+    /// Every n-th view is held out to measure with, if the set does not say which.
+    #[arg(long, default_value_t = 8)]
+    hold_out: usize,
+    /// Device: flex, ndarray, wgpu, vulkan, metal, cuda or rocm. Default: the value of BURN_DEVICE, or flex.
+    #[arg(long)]
+    device: Option<String>,
+    /// Folder of the result.
+    #[arg(long, default_value = "out/photographs")]
+    out: PathBuf,
+}
+
+/// What a run has decided by measuring, so that a resumed run does the same.
+#[derive(Serialize, Deserialize, Default)]
+struct Plan {
+    size: usize,
+    /// Whether the light stands in the world.
+    world: Option<bool>,
+    /// Steps of the levels.
+    steps: Vec<usize>,
+}
+
+/// Photographs in the frame in which the object's region is the unit ball.
+struct Set {
+    train: Vec<Photograph>,
+    held: Vec<Photograph>,
+    region: Region,
+    /// The mean distance of cameras, and of photographs at full size the mean focal length in longest sides.
+    distance: f64,
+    focal: f64,
+    /// The mean of the photographs' colors on the object.
+    brightness: f64,
+}
+
+type Failure = Box<dyn std::error::Error>;
+type Result<T, E = softray::Error> = std::result::Result<T, E>;
+
+fn main() -> Result<(), Failure> {
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
+    let mut arguments = Arguments::parse();
+    if arguments.quick {
+        arguments.size = 64;
+    }
+    let device = softray::device::named(arguments.device.as_deref())?;
+    let steps = arguments.out.join("steps");
+    let plan = arguments.out.join("plan.json");
+    if !arguments.resume && steps.exists() {
+        std::fs::remove_dir_all(&steps)?;
+    }
+    std::fs::create_dir_all(&steps)?;
+    let mut made = Plan {
+        size: arguments.size,
+        ..Plan::default()
+    };
+    if arguments.resume && plan.exists() {
+        made = serde_json::from_slice(&std::fs::read(&plan)?)?;
+        if made.size != arguments.size {
+            return Err(format!("{} is of a run with --size {}", plan.display(), made.size).into());
+        }
+    }
+    let write = |made: &Plan| std::fs::write(&plan, serde_json::to_vec(made).expect("numbers"));
+    let clock = Instant::now();
+    let set = load(&arguments)?;
+    let mut mesh = hull(&set)?;
+    let levels = (arguments.size / 32).max(1).ilog2() as usize + 1;
+    let minutes = arguments.minutes.unwrap_or(match arguments.size {
+        _ if arguments.quick => 0.6,
+        ..=128 => 2.0,
+        ..=256 => 10.0,
+        _ => 30.0,
+    });
+    let mut log = results::Log::new(&arguments.out, clock);
+    log.line(&format!(
+        "{} photographs, {} held out; hull of genus {}",
+        set.train.len(),
+        set.held.len(),
+        mesh.statistics()?
+            .genus
+            .map_or("unknown".into(), |g| g.to_string()),
+    ))?;
+    let mut asset: Option<(Asset, Level)> = None;
+    for index in 0..levels {
+        let last = index + 1 == levels;
+        let stage = Stage::new(&set, arguments.size >> (levels - 1 - index), last)?;
+        if made.world.is_none() {
+            made.world = Some(light_stands(&stage, &set, &mesh, &device)?);
+        }
+        let world = made.world == Some(true);
+        let (start, level) = stage.start(&set, &mut mesh, asset.take(), world, &device)?;
+        if made.steps.len() <= index {
+            // A level has a share of the time that is left.
+            let left = minutes * 60.0 - clock.elapsed().as_secs_f64();
+            let share = if last { 0.9 } else { 0.25 };
+            made.steps
+                .push(stage.steps_in(share * left, &start, &level, &device)?);
+            write(&made)?;
+        }
+        let fitted = stage.fit(start, &level, made.steps[index], Some(&steps), &device)?;
+        mesh.positions = positions(&fitted)?;
+        let held: Vec<_> = set
+            .held
+            .iter()
+            .map(|p| p.shrunk(stage.size))
+            .collect::<Result<_>>()?;
+        log.level(results::measure(
+            &fitted,
+            &level,
+            &held,
+            &device,
+            Some(&arguments.out),
+        )?)?;
+        asset = Some((fitted, level));
+    }
+    let (asset, level) = asset.ok_or("no level")?;
+    results::write(&asset, &level, &set, &arguments.out, &device)?;
+    log.finish(&mesh, made.world == Some(true))
+}
+
+/// Loads photographs, and moves the world so that the object is in the unit ball.
+fn load(arguments: &Arguments) -> Result<Set, Failure> {
+    let mut set = Photographs::open(&arguments.folder)?;
+    if set.of_split(Split::Test).is_empty() {
+        set.split_every(arguments.hold_out)?;
+    }
+    let options = PhotographOptions::new()
+        .with_longest_side(arguments.size)
+        .with_black_backdrop(true);
+    let mut notes = set.notes.clone();
+    let mut load = |split| -> Result<Vec<Photograph>, Failure> {
+        let loaded = set.load(&set.of_split(split), &options)?;
+        notes.extend(loaded.notes);
+        Ok(loaded.photographs)
+    };
+    let (mut train, mut held) = (load(Split::Train)?, load(Split::Test)?);
+    notes.iter().for_each(|note| eprintln!("note: {note}"));
+    if let Some(view) = train.iter().chain(&held).find(|p| !p.masked) {
+        return Err(format!("{} has no mask: see docs/PHOTOGRAPHS.md", view.name).into());
+    }
+    let region = Region::of_masks(&train)?;
+    for photograph in train.iter_mut().chain(&mut held) {
+        let rows = photograph.camera.to_world.iter_mut().zip(region.center);
+        rows.for_each(|(row, center)| row[3] = (row[3] - center) / region.radius);
+    }
+    let mean =
+        |value: fn(&Photograph) -> f64| train.iter().map(value).sum::<f64>() / train.len() as f64;
+    let distance = mean(|p| glam::DVec3::from(p.camera.position()).length());
+    let focal = mean(|p| p.camera.focal[0] / p.camera.size[0].max(p.camera.size[1]) as f64);
+    let brightness = mean(|p| {
+        let shown = p.mask.iter().map(|&m| f64::from(m)).sum::<f64>();
+        p.color.mean().iter().sum::<f64>() / 3.0 * p.mask.len() as f64 / shown
+    });
+    Ok(Set {
+        train,
+        held,
+        region,
+        distance,
+        focal,
+        brightness,
+    })
+}
+
+/// The visual hull of the masks. One mask may be wrong.
+fn hull(set: &Set) -> Result<TriangleMesh> {
+    let masks: Vec<_> = set.train.iter().map(Photograph::silhouette).collect();
+    let options = HullOptions::default().with_resolution(96).with_tolerance(1);
+    let hull = visual_hull(&masks, Region::sphere([0.0; 3], 1.0), &options)?;
+    smooth(&hull, &SmoothOptions::default())
+}
+
+/// Whether the light stands in the world, and does not turn with the camera: which of both explains the photographs better
+/// after a few steps.
+fn light_stands(
+    stage: &Stage,
+    set: &Set,
+    mesh: &TriangleMesh,
+    device: &Device,
+) -> Result<bool, Failure> {
+    let mut errors = [0.0; 2];
+    for (error, world) in errors.iter_mut().zip([false, true]) {
+        let (asset, level) = stage.start(set, &mut mesh.clone(), None, world, device)?;
+        let fitted = stage.fit(asset, &level, 60, None, device)?;
+        let few: Vec<_> = stage
+            .views
+            .iter()
+            .step_by(stage.views.len().div_ceil(8))
+            .cloned()
+            .collect();
+        let numbers = results::measure(&fitted, &level, &few, device, None)?;
+        *error = -numbers["psnr_linear"].as_f64().ok_or("no number")?;
+    }
+    Ok(errors[1] <= errors[0])
+}
+
+/// The vertices of a mesh.
+fn positions(asset: &Asset) -> Result<Vec<[f64; 3]>> {
+    Mesh::new(asset.vertices.val().inner(), Vec::new()).host_vertices()
+}
