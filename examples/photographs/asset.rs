@@ -5,7 +5,7 @@ use burn::tensor::Int;
 use burn::tensor::activation::sigmoid;
 use softray::Result;
 use softray::atlas::Atlas;
-use softray::modules::{EnvironmentParams, NormalMapParams, ViewpointParams};
+use softray::modules::{EnvironmentParams, NormalMapParams};
 use softray::optim::Evaluation;
 use softray::photographs::Photograph;
 use softray::prelude::*;
@@ -15,7 +15,7 @@ use softray::scene::CornerAttribute;
 #[derive(Module, Debug)]
 pub struct Asset {
     pub vertices: Param<Tensor<2>>,
-    /// Base color `[T, T, 3]`, and metallic and roughness `[T, T, 2]` or `[1, 1, 2]` before the last level: logits.
+    /// Logits of the base color `[T, T, 3]`, and of metallic and roughness `[T, T, 2]`, at the first level `[1, 1, 2]`.
     pub base: Param<Tensor<3>>,
     pub surface: Param<Tensor<3>>,
     /// The last level has one.
@@ -23,8 +23,6 @@ pub struct Asset {
     pub sky: EnvironmentParams,
     /// Logarithms of the photographs' factors `[N, 3]`: exposure and white balance.
     pub gains: Param<Tensor<2>>,
-    /// Given poses and small changes of them.
-    pub cameras: ViewpointParams,
 }
 
 /// What stays the same within a level.
@@ -69,29 +67,20 @@ impl Asset {
         Object::new(mesh).with_name("asset").with_material(material)
     }
 
-    /// The scenes and cameras of photographs. `refined` are the indices of those whose poses are fitted, too.
-    pub fn batch(
-        &self,
-        level: &Level,
-        views: &[&Photograph],
-        refined: Option<&[usize]>,
-        device: &Device,
-    ) -> Result<Batch> {
+    /// The scenes and cameras of photographs.
+    pub fn batch(&self, level: &Level, views: &[&Photograph], device: &Device) -> Result<Batch> {
         let object = self.object(level, device);
         let (mut scenes, mut cameras) = (Vec::new(), Vec::new());
-        for (k, view) in views.iter().enumerate() {
+        for view in views {
             let mut object = object.clone();
             if !level.world {
                 object.mesh = object.mesh.transformed(&pose(view, device));
             }
-            if !level.world || k == 0 {
+            if !level.world || scenes.is_empty() {
                 let scene = Scene::new().with_object(object);
                 scenes.push(scene.with_environment(self.sky.environment()));
             }
-            cameras.push(match refined {
-                Some(indices) => self.cameras.camera(indices[k])?,
-                None => camera(view, level.world)?,
-            });
+            cameras.push(camera(view, level.world)?);
         }
         Batch::new(scenes, cameras)
     }
@@ -177,7 +166,13 @@ pub fn compare(
     let huber = ((error / 0.2).powi_scalar(2) + 1.0).sqrt() - 1.0;
     let color = (huber * inside).sum() / count * 0.08;
     let shape = loss::mse(opacity, to.mask.clone())? / to.mask.mean();
-    let smooth = slopes(asset.sky.log_radiance.val()) * 3e-4;
+    let mut smooth = slopes(asset.sky.log_radiance.val()) * 3e-4;
+    if let Some(normals) = &asset.normals {
+        smooth = smooth + slopes(normals.slopes.val()) * 0.02;
+    }
+    if asset.surface.dims()[0] > 1 {
+        smooth = smooth + slopes(asset.surface.val()) * 1e-3;
+    }
     let psnr = -10.0 * f64::from(squared.detach().into_scalar::<f32>()).log10();
     Ok(Evaluation::new(color * 40.0 + shape + smooth).with_value("PSNR", psnr))
 }

@@ -3,37 +3,27 @@
 //! Levels go from coarse to fine. All but the last move the mesh, which is made even and sound again before each; the last
 //! has textures as fine as the photographs, with a normal map. See docs/PHOTOGRAPHS.md.
 
-mod asset;
-mod results;
-mod stage;
+pub(crate) mod asset;
+pub(crate) mod results;
+pub(crate) mod stage;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
-use burn::module::{Param, ParamGroup};
-use burn::optim::AdamConfig;
 use clap::Parser;
-use indicatif::{ProgressBar, ProgressStyle};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use serde_json::json;
-use softray::atlas::{Atlas, AtlasOptions, Textured, transfer};
-use softray::meshing::{
-    HullOptions, RemeshOptions, RepairOptions, SmoothOptions, TriangleMesh, remesh, repair, smooth,
-    visual_hull,
-};
-use softray::modules::{EnvironmentParamsConfig, NormalMapParamsConfig, ViewpointParams};
-use softray::optim::{Evaluation, Fit, LargeSteps, LargeStepsConfig, Report, Step};
-use softray::photographs::{
-    Batches, Photograph, PhotographOptions, Photographs, Region, Split, crop_to_masks,
-};
+use softray::Result;
+use softray::meshing::{HullOptions, SmoothOptions, TriangleMesh, smooth, visual_hull};
+use softray::photographs::{Photograph, PhotographOptions, Photographs, Region, Split};
 use softray::prelude::*;
 
-use asset::{Asset, Level, Targets, camera, compare};
+use asset::{Asset, Level};
 use stage::Stage;
 
 /// Fits a mesh, its textures and the light to photographs.
 #[derive(Parser, Clone, Debug)]
-struct Arguments {
+pub(crate) struct Arguments {
     /// Folder with transforms.json, sparse/0 of COLMAP, poses_bounds.npy or cameras_sphere.npz, and the photographs.
     folder: PathBuf,
     /// Longest side in pixels to which photographs are shrunk.
@@ -61,16 +51,16 @@ struct Arguments {
 
 /// What a run has decided by measuring, so that a resumed run does the same.
 #[derive(Serialize, Deserialize, Default)]
-struct Plan {
-    size: usize,
+pub(crate) struct Plan {
+    pub size: usize,
     /// Whether the light stands in the world.
-    world: Option<bool>,
+    pub world: Option<bool>,
     /// Steps of the levels.
-    steps: Vec<usize>,
+    pub steps: Vec<usize>,
 }
 
 /// Photographs in the frame in which the object's region is the unit ball.
-struct Set {
+pub(crate) struct Set {
     train: Vec<Photograph>,
     held: Vec<Photograph>,
     region: Region,
@@ -81,12 +71,15 @@ struct Set {
     brightness: f64,
 }
 
-type Failure = Box<dyn std::error::Error>;
-type Result<T, E = softray::Error> = std::result::Result<T, E>;
+pub(crate) type Failure = Box<dyn std::error::Error>;
+pub(crate) type Outcome<T> = std::result::Result<T, Failure>;
 
-fn main() -> Result<(), Failure> {
-    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
-    let mut arguments = Arguments::parse();
+fn main() -> Outcome<()> {
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("error")).init();
+    run(Arguments::parse())
+}
+
+pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
     if arguments.quick {
         arguments.size = 64;
     }
@@ -166,7 +159,7 @@ fn main() -> Result<(), Failure> {
 }
 
 /// Loads photographs, and moves the world so that the object is in the unit ball.
-fn load(arguments: &Arguments) -> Result<Set, Failure> {
+fn load(arguments: &Arguments) -> Outcome<Set> {
     let mut set = Photographs::open(&arguments.folder)?;
     if set.of_split(Split::Test).is_empty() {
         set.split_every(arguments.hold_out)?;
@@ -175,7 +168,7 @@ fn load(arguments: &Arguments) -> Result<Set, Failure> {
         .with_longest_side(arguments.size)
         .with_black_backdrop(true);
     let mut notes = set.notes.clone();
-    let mut load = |split| -> Result<Vec<Photograph>, Failure> {
+    let mut load = |split| -> Outcome<Vec<Photograph>> {
         let loaded = set.load(&set.of_split(split), &options)?;
         notes.extend(loaded.notes);
         Ok(loaded.photographs)
@@ -192,7 +185,7 @@ fn load(arguments: &Arguments) -> Result<Set, Failure> {
     }
     let mean =
         |value: fn(&Photograph) -> f64| train.iter().map(value).sum::<f64>() / train.len() as f64;
-    let distance = mean(|p| glam::DVec3::from(p.camera.position()).length());
+    let distance = mean(|p| DVec3::from(p.camera.position()).length());
     let focal = mean(|p| p.camera.focal[0] / p.camera.size[0].max(p.camera.size[1]) as f64);
     let brightness = mean(|p| {
         let shown = p.mask.iter().map(|&m| f64::from(m)).sum::<f64>();
@@ -208,22 +201,26 @@ fn load(arguments: &Arguments) -> Result<Set, Failure> {
     })
 }
 
-/// The visual hull of the masks. One mask may be wrong.
+/// The visual hull of the masks. If one of them cuts off a part of it, it is that of the others: a point may then be outside
+/// of one mask.
 fn hull(set: &Set) -> Result<TriangleMesh> {
     let masks: Vec<_> = set.train.iter().map(Photograph::silhouette).collect();
-    let options = HullOptions::default().with_resolution(96).with_tolerance(1);
-    let hull = visual_hull(&masks, Region::sphere([0.0; 3], 1.0), &options)?;
+    let carve = |outside: usize| {
+        let options = HullOptions::default().with_resolution(96);
+        let options = options.with_tolerance(outside);
+        visual_hull(&masks, Region::sphere([0.0; 3], 1.0), &options)
+    };
+    let tolerant = carve(1)?;
+    let hull = match carve(0) {
+        Ok(exact) if exact.volume() > 0.93 * tolerant.volume() => exact,
+        _ => tolerant,
+    };
     smooth(&hull, &SmoothOptions::default())
 }
 
 /// Whether the light stands in the world, and does not turn with the camera: which of both explains the photographs better
 /// after a few steps.
-fn light_stands(
-    stage: &Stage,
-    set: &Set,
-    mesh: &TriangleMesh,
-    device: &Device,
-) -> Result<bool, Failure> {
+fn light_stands(stage: &Stage, set: &Set, mesh: &TriangleMesh, device: &Device) -> Outcome<bool> {
     let mut errors = [0.0; 2];
     for (error, world) in errors.iter_mut().zip([false, true]) {
         let (asset, level) = stage.start(set, &mut mesh.clone(), None, world, device)?;

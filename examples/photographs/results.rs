@@ -1,14 +1,22 @@
 //! What a run writes: numbers, pictures, and the asset.
 
 use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use burn::module::Module;
-use serde_json::Value;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+use softray::Result;
 use softray::figure::{Figure, Panel};
 use softray::io::Animation;
+use softray::meshing::TriangleMesh;
 use softray::optim::metrics;
+use softray::photographs::Photograph;
+use softray::prelude::*;
 
-use super::*;
+use super::asset::{Asset, Level, camera};
+use super::{Outcome, Set};
 
 pub fn bar(steps: usize, size: usize) -> ProgressBar {
     let style = "{prefix:>4} px {bar:40} {pos}/{len} {msg} [{elapsed} < {eta}]";
@@ -37,21 +45,21 @@ impl Log {
         }
     }
 
-    pub fn line(&mut self, text: &str) -> Result<(), Failure> {
+    pub fn line(&mut self, text: &str) -> Outcome<()> {
         let line = format!("{:6.1} s  {text}\n", self.clock.elapsed().as_secs_f64());
         eprint!("{line}");
         self.text += &line;
         Ok(fs::write(self.out.join("log.txt"), &self.text)?)
     }
 
-    pub fn level(&mut self, numbers: Value) -> Result<(), Failure> {
+    pub fn level(&mut self, numbers: Value) -> Outcome<()> {
         self.line(&format!("{numbers}"))?;
         self.levels.push(numbers);
         Ok(())
     }
 
     /// Writes `metrics.json`.
-    pub fn finish(mut self, mesh: &TriangleMesh, world: bool) -> Result<(), Failure> {
+    pub fn finish(mut self, mesh: &TriangleMesh, world: bool) -> Outcome<()> {
         let found = mesh.statistics()?;
         let numbers = json!({
             "levels": self.levels,
@@ -95,15 +103,19 @@ fn see(
         .with_samples(64)
         .with_bounces(0)
         .with_opacity();
-    let batch = asset.batch(level, &[view], None, device)?;
+    let batch = asset.batch(level, &[view], device)?;
     let image = render_batch(&batch, &options)?;
     let opacity = image.opacity.expect("requested").squeeze_dim::<2>(0);
-    // What is seen beside the object, from an object that is too far away to be seen.
-    let far = Object::new(shapes::cube(device).translated([0.0, 0.0, 1e6]));
+    let camera = camera(view, level.world)?;
+    // What is seen beside the object: with another one that is too small to be seen.
+    let [eye, target] = [camera.eye.values()?, camera.target.values()?];
+    let dot = shapes::cube(device)
+        .scaled(1e-6)
+        .translated([0, 1, 2].map(|i| 2.0 * target[i] - eye[i]));
     let empty = Scene::new()
-        .with_object(far)
+        .with_object(Object::new(dot))
         .with_environment(asset.sky.environment());
-    let behind = render(&empty, &camera(view, level.world)?, &options)?.radiance;
+    let behind = render(&empty, &camera, &options)?.radiance;
     let image = image.radiance.squeeze_dim::<3>(0);
     let image = image - behind * (opacity.clone().neg() + 1.0).unsqueeze_dim(2);
     Ok((HostImage::from_tensor(&image)?, opacity))
@@ -180,11 +192,12 @@ pub fn write(asset: &Asset, level: &Level, set: &Set, out: &Path, device: &Devic
             .collect();
         Environment::map(Tensor::<1>::from_floats(texels.as_slice(), device).reshape([16, 32, 3]))
     };
+    let side = first.camera.size[0].clamp(128, 320);
     let lights = [
         ("cool sky", studio([1.3, 1.6, 2.0], [0.25, 0.22, 0.2])),
         ("warm floor", studio([0.15, 0.15, 0.2], [1.5, 1.0, 0.6])),
     ];
-    let options = RenderOptions::new(256, 256)
+    let options = RenderOptions::new(side, side)
         .with_samples(64)
         .with_bounces(2);
     let mut figure = Figure::new("In two other lights");
@@ -200,8 +213,8 @@ pub fn write(asset: &Asset, level: &Level, set: &Set, out: &Path, device: &Devic
         figure = figure.with_row(images.iter().map(|image| (*name, image)));
     }
     figure.write(out.join("relit.png"))?;
-    let options = RenderOptions::new(192, 192)
-        .with_samples(24)
+    let options = RenderOptions::new(side, side)
+        .with_samples(16)
         .with_bounces(1);
     Animation::render(&own(&lights[0].1), eyes(36).map(shot), &options)?
         .with_frames_per_second(12.0)

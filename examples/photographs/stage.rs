@@ -1,6 +1,22 @@
 //! A level: its start, its fit and what it reaches.
 
-use super::*;
+use std::path::Path;
+use std::time::Instant;
+
+use burn::module::{Param, ParamGroup};
+use burn::optim::AdamConfig;
+use softray::Result;
+use softray::atlas::{Atlas, AtlasOptions, Textured, transfer};
+use softray::meshing::{RemeshOptions, RepairOptions, TriangleMesh, remesh, repair};
+use softray::modules::{EnvironmentParamsConfig, NormalMapParamsConfig};
+use softray::optim::{Evaluation, Fit, LargeSteps, LargeStepsConfig, Rate, Report, Step};
+use softray::photographs::{Batches, Photograph, crop_to_masks};
+use softray::prelude::*;
+use softray::scene::CornerAttribute;
+
+use super::Set;
+use super::asset::{Asset, Level, Targets, compare};
+use super::results;
 
 /// Rendered views and samples a pixel of a step.
 const VIEWS: usize = 4;
@@ -63,24 +79,17 @@ impl Stage {
         let auto = device.clone().autodiff();
         let vertices = Mesh::from_host(&mesh.positions, mesh.faces.clone(), &auto).vertices;
         let vertices = Param::from_tensor(vertices);
-        let sky_rows = if self.last { 32 } else { 16 };
         let Some((before, from)) = before else {
             let light = set.brightness / 0.5;
-            let cameras = set
-                .train
-                .iter()
-                .map(|p| camera(p, world))
-                .collect::<Result<Vec<_>>>()?;
             let asset = Asset {
                 vertices,
                 base: flat([0.0; 3], side, &auto),
-                surface: flat([-1.0, 0.0], 1, &auto),
+                surface: flat([-1.0, -1.2], 1, &auto),
                 normals: None,
                 sky: EnvironmentParamsConfig::new(16, 32)
                     .with_radiance([light; 3])
                     .init(&auto)?,
                 gains: Param::from_tensor(Tensor::zeros([set.train.len(), 3], &auto)),
-                cameras: ViewpointParams::from_cameras(&cameras, set.distance, &auto)?,
             };
             return Ok((asset, level));
         };
@@ -102,21 +111,35 @@ impl Stage {
         let base = transfer::<3>(&textured, &mesh.positions, &mesh.faces, &texels)?;
         let side = level.atlas.size;
         let base = Tensor::<1>::from_floats(base.as_slice(), &auto).reshape([side, side, 3]);
+        let surface = match before.surface.dims()[0] {
+            1 => before.surface.val().repeat(&[side, side, 1]),
+            _ => {
+                let old = before
+                    .surface
+                    .val()
+                    .into_data()
+                    .try_into_vec::<f32>()
+                    .expect("floats");
+                let textured = Textured {
+                    texels: &old,
+                    ..textured
+                };
+                let new = transfer::<2>(&textured, &mesh.positions, &mesh.faces, &texels)?;
+                Tensor::<1>::from_floats(new.as_slice(), &auto).reshape([side, side, 2])
+            }
+        };
         let mut asset = Asset {
             vertices,
             base: Param::from_tensor(base.detach()),
-            sky: before.sky.resized(sky_rows)?,
+            surface: Param::from_tensor(surface.detach()),
+            sky: before.sky.resized(if self.last { 32 } else { 16 })?,
             ..before
         };
         if self.last {
-            let same = asset.surface.val().repeat(&[side, side, 1]);
-            asset.surface = Param::from_tensor(same.detach());
             asset.normals = Some(NormalMapParamsConfig::new(side, side).init(&auto)?);
             let mut still = Mesh::from_host(&mesh.positions, mesh.faces.clone(), device);
             let (uvs, faces) = (&level.atlas.uvs, level.atlas.faces.clone());
-            still.uvs = Some(softray::scene::CornerAttribute::from_host(
-                uvs, faces, device,
-            ));
+            still.uvs = Some(CornerAttribute::from_host(uvs, faces, device));
             level.still = Some(still.smooth_normals().mikktspace_tangents());
         }
         Ok((asset, level))
@@ -132,7 +155,7 @@ impl Stage {
         device: &Device,
     ) -> Result<Evaluation> {
         let shown: Vec<&Photograph> = views.iter().map(|&i| &self.views[i]).collect();
-        let image = render_batch(&asset.batch(level, &shown, None, device)?, options)?;
+        let image = render_batch(&asset.batch(level, &shown, device)?, options)?;
         compare(asset, &image, Targets::new(&shown, device), views)
     }
 
@@ -174,9 +197,12 @@ impl Stage {
         let mut fit = Fit::new(asset, optimizer, steps)
             .with_rate(Rate::exponential(rate, 0.2 * rate))
             .with_rate_of(group("vertices"), Rate::exponential(0.09, 0.036))
+            .with_rate_of(group("surface"), Rate::exponential(0.5 * rate, 0.1 * rate))
             .with_rate_of(group("gains"), Rate::constant(0.003))
-            .with_rate_of(group("normals"), Rate::constant(0.01))
             .with_progress(false);
+        if self.last {
+            fit = fit.with_rate_of(group("normals.slopes"), Rate::constant(0.01));
+        }
         if let Some(folder) = folder {
             let bar = results::bar(steps, self.size);
             fit = fit.with_folder(folder.join(self.size.to_string()));

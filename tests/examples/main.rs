@@ -28,6 +28,10 @@ mod mesh_predictor;
 mod metal_and_glass;
 #[path = "../../examples/mirror.rs"]
 mod mirror;
+#[path = "../../examples/photographs/main.rs"]
+mod photographs;
+#[path = "photographs.rs"]
+mod photographs_test;
 #[path = "../../examples/relief.rs"]
 mod relief;
 #[path = "../../examples/render.rs"]
