@@ -15,7 +15,7 @@ use softray::scene::CornerAttribute;
 #[derive(Module, Debug)]
 pub struct Asset {
     pub vertices: Param<Tensor<2>>,
-    /// Logits of the base color `[T, T, 3]`, and of metallic and roughness `[T, T, 2]`, at the first level `[1, 1, 2]`.
+    /// Logits of the base color `[T, T, 3]`, and of metallic and roughness `[T, T, 2]` or `[1, 1, 2]`.
     pub base: Param<Tensor<3>>,
     pub surface: Param<Tensor<3>>,
     /// The last level has one.
@@ -166,12 +166,10 @@ pub fn compare(
     let huber = ((error / 0.2).powi_scalar(2) + 1.0).sqrt() - 1.0;
     let color = (huber * inside).sum() / count * 0.08;
     let shape = loss::mse(opacity, to.mask.clone())? / to.mask.mean();
-    let mut smooth = slopes(asset.sky.log_radiance.val()) * 3e-4;
+    let mut smooth =
+        slopes(asset.sky.log_radiance.val()) * 3e-4 + slopes(asset.surface.val()) * 1e-3;
     if let Some(normals) = &asset.normals {
         smooth = smooth + slopes(normals.slopes.val()) * 0.02;
-    }
-    if asset.surface.dims()[0] > 1 {
-        smooth = smooth + slopes(asset.surface.val()) * 1e-3;
     }
     let psnr = -10.0 * f64::from(squared.detach().into_scalar::<f32>()).log10();
     Ok(Evaluation::new(color * 40.0 + shape + smooth).with_value("PSNR", psnr))
@@ -181,6 +179,9 @@ pub fn compare(
 fn slopes(map: Tensor<3>) -> Tensor<1> {
     let along = |axis: usize| {
         let length = map.dims()[axis] - 1;
+        if length == 0 {
+            return Tensor::zeros([1], &map.device());
+        }
         let step = map.clone().narrow(axis, 1, length) - map.clone().narrow(axis, 0, length);
         step.powi_scalar(2).mean()
     };

@@ -125,14 +125,16 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
         let last = index + 1 == levels;
         let stage = Stage::new(&set, arguments.size >> (levels - 1 - index), last)?;
         if made.world.is_none() {
-            made.world = Some(light_stands(&stage, &set, &mesh, &device)?);
+            let mut trial = Stage::new(&set, stage.size, false)?;
+            trial.trial = true;
+            made.world = Some(light_stands(&trial, &set, &mesh, &device)?);
         }
         let world = made.world == Some(true);
         let (start, level) = stage.start(&set, &mut mesh, asset.take(), world, &device)?;
         if made.steps.len() <= index {
             // A level has a share of the time that is left.
             let left = minutes * 60.0 - clock.elapsed().as_secs_f64();
-            let share = if last { 0.9 } else { 0.25 };
+            let share = if last { 0.9 } else { 0.35 };
             made.steps
                 .push(stage.steps_in(share * left, &start, &level, &device)?);
             write(&made)?;
@@ -224,7 +226,7 @@ fn light_stands(stage: &Stage, set: &Set, mesh: &TriangleMesh, device: &Device) 
     let mut errors = [0.0; 2];
     for (error, world) in errors.iter_mut().zip([false, true]) {
         let (asset, level) = stage.start(set, &mut mesh.clone(), None, world, device)?;
-        let fitted = stage.fit(asset, &level, 60, None, device)?;
+        let fitted = stage.fit(asset, &level, 50, None, device)?;
         let few: Vec<_> = stage
             .views
             .iter()

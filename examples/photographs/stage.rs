@@ -18,15 +18,20 @@ use super::Set;
 use super::asset::{Asset, Level, Targets, compare};
 use super::results;
 
-/// Rendered views and samples a pixel of a step.
+/// Views of a step. A light that stands in the world is hard to tell from the base color, so that its first level takes
+/// larger steps with less noise.
 const VIEWS: usize = 4;
-const SAMPLES: [u32; 2] = [8, 4];
+const MORE_VIEWS: usize = 8;
+/// The most pixels of the first level, along the longest side.
+const FIRST: usize = 63;
 
 pub struct Stage {
     /// The longest side of photographs, in pixels.
     pub size: usize,
     /// Whether it is the last one, which leaves the mesh as it is.
     last: bool,
+    /// Whether it is a short one that compares two kinds of light, on equal terms.
+    pub trial: bool,
     pub views: Vec<Photograph>,
     /// The width of a pixel at the object, in radii of the region.
     pixel: f64,
@@ -41,10 +46,11 @@ impl Stage {
         Ok(Self {
             size,
             last,
+            trial: false,
             views,
             pixel: set.distance / (set.focal * size as f64),
             options: RenderOptions::new(width, height)
-                .with_samples(SAMPLES[usize::from(size > 32)])
+                .with_samples(if size > FIRST { 4 } else { 8 })
                 .with_bounces(0)
                 .with_opacity(),
         })
@@ -84,7 +90,11 @@ impl Stage {
             let asset = Asset {
                 vertices,
                 base: flat([0.0; 3], side, &auto),
-                surface: flat([-1.0, -1.2], 1, &auto),
+                // Highlights of a smooth surface show where a standing light is.
+                surface: match self.finds_light(world) {
+                    true => flat([0.0, -2.0], side, &auto),
+                    false => flat([-1.0, -1.2], 1, &auto),
+                },
                 normals: None,
                 sky: EnvironmentParamsConfig::new(16, 32)
                     .with_radiance([light; 3])
@@ -93,45 +103,14 @@ impl Stage {
             };
             return Ok((asset, level));
         };
-        let base = before
-            .base
-            .val()
-            .into_data()
-            .try_into_vec::<f32>()
-            .expect("floats");
-        let textured = Textured {
-            positions: &old.positions,
-            faces: &old.faces,
-            uvs: &from.atlas.uvs,
-            uv_faces: &from.atlas.faces,
-            texels: &base,
-            shape: [from.atlas.size; 2],
-        };
-        let texels = level.atlas.texels();
-        let base = transfer::<3>(&textured, &mesh.positions, &mesh.faces, &texels)?;
         let side = level.atlas.size;
-        let base = Tensor::<1>::from_floats(base.as_slice(), &auto).reshape([side, side, 3]);
-        let surface = match before.surface.dims()[0] {
-            1 => before.surface.val().repeat(&[side, side, 1]),
-            _ => {
-                let old = before
-                    .surface
-                    .val()
-                    .into_data()
-                    .try_into_vec::<f32>()
-                    .expect("floats");
-                let textured = Textured {
-                    texels: &old,
-                    ..textured
-                };
-                let new = transfer::<2>(&textured, &mesh.positions, &mesh.faces, &texels)?;
-                Tensor::<1>::from_floats(new.as_slice(), &auto).reshape([side, side, 2])
-            }
+        let move_to = |texture: &Param<Tensor<3>>| -> Result<Param<Tensor<3>>> {
+            moved(texture, (&old, &from.atlas), (mesh, &level.atlas), &auto)
         };
         let mut asset = Asset {
             vertices,
-            base: Param::from_tensor(base.detach()),
-            surface: Param::from_tensor(surface.detach()),
+            base: move_to(&before.base)?,
+            surface: move_to(&before.surface)?,
             sky: before.sky.resized(if self.last { 32 } else { 16 })?,
             ..before
         };
@@ -159,9 +138,9 @@ impl Stage {
         compare(asset, &image, Targets::new(&shown, device), views)
     }
 
-    fn batches(&self) -> Result<Batches> {
-        let all: Vec<usize> = (0..self.views.len()).collect();
-        Batches::new(&all, VIEWS, 1)
+    /// Whether a light is searched that stands in the world.
+    fn finds_light(&self, world: bool) -> bool {
+        world && self.size <= FIRST && !self.trial
     }
 
     /// The number of steps that this many seconds are enough for.
@@ -193,11 +172,15 @@ impl Stage {
         let optimizer = AdamConfig::new()
             .init()
             .with_group(group("vertices"), large, None);
-        let rate = if self.size > 32 { 0.1 } else { 0.2 };
+        let finds_light = self.finds_light(level.world);
+        let rate = if self.size > FIRST { 0.1 } else { 0.2 };
+        let (of_surface, of_sky) = if finds_light { (0.7, 2.0) } else { (0.5, 1.0) };
+        let falling = |rate: f64| Rate::exponential(rate, 0.2 * rate);
         let mut fit = Fit::new(asset, optimizer, steps)
-            .with_rate(Rate::exponential(rate, 0.2 * rate))
+            .with_rate(falling(rate))
             .with_rate_of(group("vertices"), Rate::exponential(0.09, 0.036))
-            .with_rate_of(group("surface"), Rate::exponential(0.5 * rate, 0.1 * rate))
+            .with_rate_of(group("surface"), falling(of_surface * rate))
+            .with_rate_of(group("sky.log_radiance"), falling(of_sky * rate))
             .with_rate_of(group("gains"), Rate::constant(0.003))
             .with_progress(false);
         if self.last {
@@ -220,13 +203,41 @@ impl Stage {
                 Ok(true)
             });
         }
-        let batches = self.batches()?;
+        let all: Vec<usize> = (0..self.views.len()).collect();
+        let batches = Batches::new(&all, if finds_light { MORE_VIEWS } else { VIEWS }, 1)?;
         let fitted = fit.run(|asset: &Asset, step: &Step| {
             let options = step.options(&self.options, 0);
             self.loss(asset, level, &batches.views(step.index), &options, device)
         })?;
         Ok(fitted.module)
     }
+}
+
+/// A texture of one mesh, looked up for another.
+fn moved(
+    texture: &Param<Tensor<3>>,
+    (old, old_atlas): (&TriangleMesh, &Atlas),
+    (new, atlas): (&TriangleMesh, &Atlas),
+    device: &Device,
+) -> Result<Param<Tensor<3>>> {
+    let [side, _, channels] = texture.dims();
+    let of = |channel: usize| {
+        let texels =
+            HostImage::from_tensor(&texture.val().narrow(2, channel, 1).repeat(&[1, 1, 3]))?;
+        let from = Textured {
+            positions: &old.positions,
+            faces: &old.faces,
+            uvs: &old_atlas.uvs,
+            uv_faces: &old_atlas.faces,
+            texels: &texels.pixels,
+            shape: [side; 2],
+        };
+        let texels = transfer::<3>(&from, &new.positions, &new.faces, &atlas.texels())?;
+        let map = HostImage::new(atlas.size, atlas.size, texels)?.into_tensor(device);
+        Ok(map.narrow(2, 0, 1))
+    };
+    let maps = (0..channels).map(of).collect::<Result<Vec<_>>>()?;
+    Ok(Param::from_tensor(Tensor::cat(maps, 2).detach()))
 }
 
 /// A texture of one value.
