@@ -105,12 +105,15 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
     let set = load(&arguments)?;
     let mut mesh = hull(&set)?;
     let levels = (arguments.size / 32).max(1).ilog2() as usize + 1;
-    let minutes = arguments.minutes.unwrap_or(match arguments.size {
-        _ if arguments.quick => 0.6,
-        ..=128 => 2.0,
-        ..=256 => 10.0,
-        _ => 30.0,
-    });
+    let by_size = if arguments.size > 256 {
+        30.0
+    } else if arguments.size > 128 {
+        10.0
+    } else {
+        2.0
+    };
+    let default = if arguments.quick { 0.6 } else { by_size };
+    let minutes = arguments.minutes.unwrap_or(default);
     let mut log = results::Log::new(&arguments.out, clock);
     log.line(&format!(
         "{} photographs, {} held out; hull of genus {}",
@@ -128,6 +131,7 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
             let mut trial = Stage::new(&set, stage.size, false)?;
             trial.trial = true;
             made.world = Some(light_stands(&trial, &set, &mesh, &device)?);
+            write(&made)?;
         }
         let world = made.world == Some(true);
         let (start, level) = stage.start(&set, &mut mesh, asset.take(), world, &device)?;
