@@ -7,7 +7,7 @@ pub(crate) mod asset;
 pub(crate) mod results;
 pub(crate) mod stage;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Parser;
@@ -59,6 +59,28 @@ pub(crate) struct Plan {
     pub steps: Vec<usize>,
 }
 
+impl Plan {
+    /// Takes up a stopped run, or begins a new one.
+    fn open(arguments: &Arguments, steps: &Path, plan: &Path) -> Outcome<Self> {
+        if !arguments.resume && steps.exists() {
+            std::fs::remove_dir_all(steps)?;
+        }
+        std::fs::create_dir_all(steps)?;
+        let size = arguments.size;
+        if !arguments.resume || !plan.exists() {
+            return Ok(Self {
+                size,
+                ..Self::default()
+            });
+        }
+        let made: Self = serde_json::from_slice(&std::fs::read(plan)?)?;
+        if made.size != size {
+            return Err(format!("{} is of a run with --size {}", plan.display(), made.size).into());
+        }
+        Ok(made)
+    }
+}
+
 /// Photographs in the frame in which the object's region is the unit ball.
 pub(crate) struct Set {
     train: Vec<Photograph>,
@@ -86,20 +108,7 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
     let device = softray::device::named(arguments.device.as_deref())?;
     let steps = arguments.out.join("steps");
     let plan = arguments.out.join("plan.json");
-    if !arguments.resume && steps.exists() {
-        std::fs::remove_dir_all(&steps)?;
-    }
-    std::fs::create_dir_all(&steps)?;
-    let mut made = Plan {
-        size: arguments.size,
-        ..Plan::default()
-    };
-    if arguments.resume && plan.exists() {
-        made = serde_json::from_slice(&std::fs::read(&plan)?)?;
-        if made.size != arguments.size {
-            return Err(format!("{} is of a run with --size {}", plan.display(), made.size).into());
-        }
-    }
+    let mut made = Plan::open(&arguments, &steps, &plan)?;
     let write = |made: &Plan| std::fs::write(&plan, serde_json::to_vec(made).expect("numbers"));
     let clock = Instant::now();
     let set = load(&arguments)?;
