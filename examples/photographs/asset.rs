@@ -35,6 +35,16 @@ pub struct Level {
     pub world: bool,
 }
 
+impl Level {
+    /// The mesh with other vertices, smooth normals and texture coordinates.
+    pub fn mesh(&self, vertices: Tensor<2>, device: &Device) -> Mesh {
+        let mut mesh = Mesh::new(vertices, self.faces.clone());
+        let (uvs, faces) = (&self.atlas.uvs, self.atlas.faces.clone());
+        mesh.uvs = Some(CornerAttribute::from_host(uvs, faces, device));
+        mesh.smooth_normals()
+    }
+}
+
 impl Asset {
     /// Base color `[T, T, 3]`, and metallic and roughness `[T, T]`.
     pub fn textures(&self) -> (Tensor<3>, [Tensor<2>; 2]) {
@@ -49,12 +59,10 @@ impl Asset {
 
     /// The mesh with its material.
     pub fn object(&self, level: &Level, device: &Device) -> Object {
-        let mesh = level.still.clone().unwrap_or_else(|| {
-            let mut mesh = Mesh::new(self.vertices.val(), level.faces.clone());
-            let (uvs, faces) = (&level.atlas.uvs, level.atlas.faces.clone());
-            mesh.uvs = Some(CornerAttribute::from_host(uvs, faces, device));
-            mesh.smooth_normals()
-        });
+        let mesh = match &level.still {
+            Some(still) => still.clone(),
+            None => level.mesh(self.vertices.val(), device),
+        };
         let (base, [metallic, roughness]) = self.textures();
         let mut material = Material::metallic_roughness(
             ColorTexture::texture(base),

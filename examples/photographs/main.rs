@@ -137,8 +137,7 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
         let last = index + 1 == levels;
         let stage = Stage::new(&set, arguments.size >> (levels - 1 - index), last)?;
         if made.world.is_none() {
-            let mut trial = Stage::new(&set, stage.size, false)?;
-            trial.trial = true;
+            let trial = Stage::new(&set, stage.size, false)?.for_trial();
             made.world = Some(light_stands(&trial, &set, &mesh, &device)?);
             write(&made)?;
         }

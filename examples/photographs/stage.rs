@@ -12,7 +12,6 @@ use softray::modules::{EnvironmentParamsConfig, NormalMapParamsConfig};
 use softray::optim::{Evaluation, Fit, LargeSteps, LargeStepsConfig, Rate, Report, Step};
 use softray::photographs::{Batches, Photograph, crop_to_masks};
 use softray::prelude::*;
-use softray::scene::CornerAttribute;
 
 use super::Set;
 use super::asset::{Asset, Level, Targets, compare};
@@ -30,8 +29,8 @@ pub struct Stage {
     pub size: usize,
     /// Whether it is the last one, which leaves the mesh as it is.
     last: bool,
-    /// Whether it is a short one that compares two kinds of light, on equal terms.
-    pub trial: bool,
+    /// See [`Stage::for_trial`].
+    trial: bool,
     pub views: Vec<Photograph>,
     /// The width of a pixel at the object, in radii of the region.
     pixel: f64,
@@ -54,6 +53,12 @@ impl Stage {
                 .with_bounces(0)
                 .with_opacity(),
         })
+    }
+
+    /// The same for a short fit that compares two kinds of light, on equal terms.
+    pub fn for_trial(mut self) -> Self {
+        self.trial = true;
+        self
     }
 
     /// Makes the mesh even and sound, an atlas for it, and parameters from those of the level before.
@@ -116,10 +121,8 @@ impl Stage {
         };
         if self.last {
             asset.normals = Some(NormalMapParamsConfig::new(side, side).init(&auto)?);
-            let mut still = Mesh::from_host(&mesh.positions, mesh.faces.clone(), device);
-            let (uvs, faces) = (&level.atlas.uvs, level.atlas.faces.clone());
-            still.uvs = Some(CornerAttribute::from_host(uvs, faces, device));
-            level.still = Some(still.smooth_normals().mikktspace_tangents());
+            let still = level.mesh(asset.vertices.val().inner(), device);
+            level.still = Some(still.mikktspace_tangents());
         }
         Ok((asset, level))
     }
@@ -221,23 +224,20 @@ fn moved(
     device: &Device,
 ) -> Result<Param<Tensor<3>>> {
     let [side, _, channels] = texture.dims();
-    let of = |channel: usize| {
-        let texels =
-            HostImage::from_tensor(&texture.val().narrow(2, channel, 1).repeat(&[1, 1, 3]))?;
-        let from = Textured {
-            positions: &old.positions,
-            faces: &old.faces,
-            uvs: &old_atlas.uvs,
-            uv_faces: &old_atlas.faces,
-            texels: &texels.pixels,
-            shape: [side; 2],
-        };
-        let texels = transfer::<3>(&from, &new.positions, &new.faces, &atlas.texels())?;
-        let map = HostImage::new(atlas.size, atlas.size, texels)?.into_tensor(device);
-        Ok(map.narrow(2, 0, 1))
+    // Images have three channels.
+    let rest = Tensor::zeros([side, side, 3 - channels], &texture.device());
+    let texels = HostImage::from_tensor(&Tensor::cat(vec![texture.val(), rest], 2))?;
+    let from = Textured {
+        positions: &old.positions,
+        faces: &old.faces,
+        uvs: &old_atlas.uvs,
+        uv_faces: &old_atlas.faces,
+        texels: &texels.pixels,
+        shape: [side; 2],
     };
-    let maps = (0..channels).map(of).collect::<Result<Vec<_>>>()?;
-    Ok(Param::from_tensor(Tensor::cat(maps, 2).detach()))
+    let texels = transfer::<3>(&from, &new.positions, &new.faces, &atlas.texels())?;
+    let map = HostImage::new(atlas.size, atlas.size, texels)?.into_tensor(device);
+    Ok(Param::from_tensor(map.narrow(2, 0, channels).detach()))
 }
 
 /// A texture of one value.

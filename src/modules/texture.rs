@@ -285,3 +285,35 @@ fn texels_of(object: &str, map: &Tensor<3>, range: Range) -> Result<Vec<f64>> {
     }
     Ok(texels)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Logarithms that are linear from row to row stay so, columns repeat, and a map of the same size stays as it is.
+    #[test]
+    fn resized_maps() -> Result<()> {
+        let value = |i: usize| f64::from([0.0f32, 1.0, 2.0, 3.0][i / 24] + (i % 3) as f32);
+        let logs: Vec<f64> = (0..96).map(value).collect();
+        let map = EnvironmentParams {
+            log_radiance: leaf(logs.clone(), [4, 8, 3], &Device::flex().autodiff()),
+        };
+        let of = |map: &EnvironmentParams| host_values(&map.log_radiance.val());
+        assert_eq!(of(&map.resized(4)?)?, logs);
+        let fine = map.resized(8)?;
+        assert_eq!(fine.log_radiance.dims(), [8, 16, 3]);
+        assert!(fine.log_radiance.val().is_require_grad());
+        let fine = of(&fine)?;
+        for (row, expected) in [0.0, 0.25, 0.75, 1.25, 1.75, 2.25, 2.75, 3.0]
+            .iter()
+            .enumerate()
+        {
+            for i in 0..48 {
+                let expected = expected + (i % 3) as f64;
+                assert!((fine[48 * row + i] - expected).abs() < 1e-6, "{row} {i}");
+            }
+        }
+        assert!(map.resized(0).is_err());
+        Ok(())
+    }
+}

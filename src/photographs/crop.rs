@@ -55,3 +55,32 @@ fn shown(photograph: &Photograph) -> Result<[[usize; 2]; 2]> {
     )?;
     Ok(found)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::photographs::{PhotographOptions, Photographs};
+
+    /// All windows have the same size, contain their masks, and keep the rays of their pixels.
+    #[test]
+    fn windows_are_alike_and_contain_masks() {
+        let set = Photographs::open("tests/data/photographs").expect("the set");
+        let options = PhotographOptions::new().with_longest_side(40);
+        let all = set.load(&[0, 8, 32], &options).expect("photographs");
+        let all = all.photographs;
+        let crops = crop_to_masks(&all, 2).expect("crops");
+        let sum = |mask: &[f32]| mask.iter().filter(|m| **m > SHOWN).count();
+        for (whole, crop) in all.iter().zip(&crops) {
+            assert_eq!(crop.camera.size, crops[0].camera.size);
+            assert!(crop.mask.len() < whole.mask.len());
+            assert_eq!(sum(&crop.mask), sum(&whole.mask));
+            let shift = [0, 1].map(|i| whole.camera.principal[i] - crop.camera.principal[i]);
+            let ray = whole.camera.ray([3.5 + shift[0], 4.5 + shift[1]]);
+            assert_eq!(crop.camera.ray([3.5, 4.5]), ray);
+        }
+        let mut empty = all;
+        empty[1].mask.fill(0.0);
+        let error = crop_to_masks(&empty, 2).expect_err("no object");
+        assert!(error.to_string().contains("008"), "{error}");
+    }
+}

@@ -16,3 +16,4 @@ mod regularized;
 mod replay;
 mod shadow;
 mod shares;
+mod tilts;
