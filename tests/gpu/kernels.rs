@@ -245,7 +245,7 @@ fn limit(class: &Class) -> f64 {
 }
 
 /// All cases in the long tier, and each `n`-th in the short one: a software driver compiles kernels for each.
-fn each<T>(cases: Vec<T>, n: usize) -> Vec<T> {
+pub fn each<T>(cases: Vec<T>, n: usize) -> Vec<T> {
     let step = if crate::common::long() { 1 } else { n };
     cases.into_iter().step_by(step).collect()
 }
@@ -259,7 +259,7 @@ fn derivatives_of_all_classes() {
         samples: 5,
         ..CONES
     };
-    assert_agreement(&each(all_classes(), 2), setups, DType::F32, effort, limit);
+    assert_agreement(&each(all_classes(), 4), setups, DType::F32, effort, limit);
 }
 
 /// Emissive textures, and bodies that cross.
@@ -278,7 +278,7 @@ fn derivatives_of_emissive_textures() {
 fn derivatives_of_facets() {
     let (gpu, cpu) = (device(), Device::flex());
     let setups: [Setup; 2] = [(&gpu, |o| o), (&cpu, |o| o)];
-    let cases = each(facet_cases(), 3);
+    let cases = each(facet_cases(), 6);
     assert_agreement(&cases, setups, DType::F32, EIGHT, limit);
 }
 
@@ -290,7 +290,7 @@ fn derivatives_with_path_regularization() {
         (&gpu, |o| o.with_path_regularization(0.9)),
         (&cpu, |o| o.with_path_regularization(0.9)),
     ];
-    let cases = each(facet_cases(), 5);
+    let cases = each(facet_cases(), 9);
     assert_agreement(&cases, setups, DType::F32, EIGHT, limit);
 }
 
