@@ -49,12 +49,17 @@ pub(crate) struct Arguments {
     out: PathBuf,
 }
 
+/// The share of light by which a bounce has to brighten views to be worth its time.
+const INDIRECT: f64 = 0.01;
+
 /// What a run has decided by measuring, so that a resumed run does the same.
 #[derive(Serialize, Deserialize, Default)]
 pub(crate) struct Plan {
     pub size: usize,
     /// Whether the light stands in the world.
     pub world: Option<bool>,
+    /// Bounces of light, from the second level on.
+    pub bounces: Option<u32>,
     /// Steps of the levels.
     pub steps: Vec<usize>,
 }
@@ -90,7 +95,7 @@ pub(crate) struct Set {
     distance: f64,
     focal: f64,
     /// The mean of the photographs' colors on the object.
-    brightness: f64,
+    brightness: [f64; 3],
 }
 
 pub(crate) type Failure = Box<dyn std::error::Error>;
@@ -106,6 +111,8 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
         arguments.size = 64;
     }
     let device = softray::device::named(arguments.device.as_deref())?;
+    // The network's weights start at random.
+    device.seed(1);
     let steps = arguments.out.join("steps");
     let plan = arguments.out.join("plan.json");
     let mut made = Plan::open(&arguments, &steps, &plan)?;
@@ -135,10 +142,14 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
     let mut asset: Option<(Asset, Level)> = None;
     for index in 0..levels {
         let last = index + 1 == levels;
-        let stage = Stage::new(&set, arguments.size >> (levels - 1 - index), last)?;
+        let bounces = if index == 0 {
+            0
+        } else {
+            made.bounces.unwrap_or(0)
+        };
+        let stage = Stage::new(&set, arguments.size >> (levels - 1 - index), last, bounces)?;
         if made.world.is_none() {
-            let trial = Stage::new(&set, stage.size, false)?.for_trial();
-            made.world = Some(light_stands(&trial, &set, &mesh, &device)?);
+            made.world = Some(light_stands(&stage, &set, &mesh, &device)?);
             write(&made)?;
         }
         let world = made.world == Some(true);
@@ -162,9 +173,19 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
             &fitted,
             &level,
             &held,
+            bounces,
             &device,
             Some(&arguments.out),
         )?)?;
+        if made.bounces.is_none() {
+            let mut brighter = 0.0;
+            for view in &held {
+                brighter += results::indirect(&fitted, &level, view, &device)? / held.len() as f64;
+            }
+            log.line(&format!("a bounce of light adds {:.1} %", 100.0 * brighter))?;
+            made.bounces = Some(u32::from(brighter > INDIRECT));
+            write(&made)?;
+        }
         asset = Some((fitted, level));
     }
     let (asset, level) = asset.ok_or("no level")?;
@@ -201,10 +222,13 @@ fn load(arguments: &Arguments) -> Outcome<Set> {
         |value: fn(&Photograph) -> f64| train.iter().map(value).sum::<f64>() / train.len() as f64;
     let distance = mean(|p| DVec3::from(p.camera.position()).length());
     let focal = mean(|p| p.camera.focal[0] / p.camera.size[0].max(p.camera.size[1]) as f64);
-    let brightness = mean(|p| {
-        let shown = p.mask.iter().map(|&m| f64::from(m)).sum::<f64>();
-        p.color.mean().iter().sum::<f64>() / 3.0 * p.mask.len() as f64 / shown
-    });
+    let mut brightness = [0.0; 3];
+    for p in &train {
+        let shown = p.mask.iter().map(|&m| f64::from(m)).sum::<f64>() * train.len() as f64;
+        for (sum, color) in brightness.iter_mut().zip(p.color.mean()) {
+            *sum += color * p.mask.len() as f64 / shown;
+        }
+    }
     Ok(Set {
         train,
         held,
@@ -245,7 +269,7 @@ fn light_stands(stage: &Stage, set: &Set, mesh: &TriangleMesh, device: &Device) 
             .step_by(stage.views.len().div_ceil(8))
             .cloned()
             .collect();
-        let numbers = results::measure(&fitted, &level, &few, device, None)?;
+        let numbers = results::measure(&fitted, &level, &few, 0, device, None)?;
         *error = -numbers["psnr_linear"].as_f64().ok_or("no number")?;
     }
     Ok(errors[1] <= errors[0])

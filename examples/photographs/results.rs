@@ -96,14 +96,16 @@ fn see(
     asset: &Asset,
     level: &Level,
     view: &Photograph,
+    bounces: u32,
     device: &Device,
 ) -> Result<(HostImage, Tensor<2>)> {
     let [width, height] = view.camera.size;
     let options = RenderOptions::new(width, height)
         .with_samples(64)
-        .with_bounces(0)
+        .with_bounces(bounces)
         .with_opacity();
-    let batch = asset.batch(level, &[view], device)?;
+    let object = asset.object(level, asset.surface(level));
+    let batch = asset.batch(&object, level.world, &[view])?;
     let image = render_batch(&batch, &options)?;
     let opacity = image.opacity.expect("requested").squeeze_dim::<2>(0);
     let camera = camera(view, level.world)?;
@@ -121,26 +123,23 @@ fn see(
     Ok((HostImage::from_tensor(&image)?, opacity))
 }
 
-/// Measures held-out views, and writes `views.png`: photograph, render and difference.
+/// Measures held-out views, whose colors are as before black, and writes `views.png`: photograph, render and difference.
 pub fn measure(
     asset: &Asset,
     level: &Level,
     held: &[Photograph],
+    bounces: u32,
     device: &Device,
     out: Option<&Path>,
 ) -> Result<Value> {
     let asset = &asset.valid();
     let (mut images, mut targets, mut masks, mut iou) = (vec![], vec![], vec![], 0.0);
     for view in held {
-        let (image, opacity) = see(asset, level, view, device)?;
+        let (image, opacity) = see(asset, level, view, bounces, device)?;
         let mask = Tensor::<1>::from_floats(view.mask.as_slice(), device);
         iou += loss::iou(&opacity, &mask.reshape(opacity.dims()), 0.5)? / held.len() as f64;
-        let mut target = view.color.clone();
-        for (pixel, mask) in target.pixels.chunks_mut(3).zip(&view.mask) {
-            pixel.iter_mut().for_each(|value| *value *= mask);
-        }
         images.push(image);
-        targets.push(target);
+        targets.push(view.color.clone());
         masks.push(view.mask.iter().map(|&m| m > 0.5).collect::<Vec<_>>());
     }
     let views = images.iter().zip(&targets).zip(&masks);
@@ -167,10 +166,21 @@ pub fn measure(
     }))
 }
 
+/// The share by which a bounce of light brightens a view.
+pub fn indirect(asset: &Asset, level: &Level, view: &Photograph, device: &Device) -> Result<f64> {
+    let asset = &asset.valid();
+    let mut means = [0.0; 2];
+    for (bounces, mean) in means.iter_mut().enumerate() {
+        let (image, _) = see(asset, level, view, bounces as u32, device)?;
+        *mean = image.mean().iter().sum();
+    }
+    Ok(means[1] / means[0] - 1.0)
+}
+
 /// Writes the asset, its light, and pictures of it.
 pub fn write(asset: &Asset, level: &Level, set: &Set, out: &Path, device: &Device) -> Result<()> {
     let asset = &asset.valid();
-    let object = asset.object(level, device);
+    let object = asset.object(level, asset.surface(level));
     let mut own = object.clone();
     own.mesh = own
         .mesh

@@ -3,24 +3,32 @@
 use std::path::Path;
 use std::time::Instant;
 
-use burn::module::{Param, ParamGroup};
+use burn::module::{Module, Param, ParamGroup};
 use burn::optim::AdamConfig;
 use softray::Result;
 use softray::atlas::{Atlas, AtlasOptions, Textured, transfer};
+use softray::loss::PhotographLoss;
 use softray::meshing::{RemeshOptions, RepairOptions, TriangleMesh, remesh, repair};
-use softray::modules::{EnvironmentParamsConfig, NormalMapParamsConfig};
+use softray::modules::{
+    EnvironmentParamsConfig, ExposureParamsConfig, NormalMapParamsConfig, SurfaceNetworkConfig,
+    TextureParams,
+};
 use softray::optim::{Evaluation, Fit, LargeSteps, LargeStepsConfig, Rate, Report, Step};
 use softray::photographs::{Batches, Photograph, crop_to_masks};
 use softray::prelude::*;
 
 use super::Set;
-use super::asset::{Asset, Level, Targets, compare};
+use super::asset::{Asset, Level, shrunk};
 use super::results;
 
-/// Views of a step. A light that stands in the world is hard to tell from the base color, so that its first level takes
-/// larger steps with less noise.
+/// Views of a step. The first level finds the light, which is hard to tell from the base color: it takes larger steps with
+/// less noise.
 const VIEWS: usize = 4;
 const MORE_VIEWS: usize = 8;
+/// The most texels along a side of an atlas of which metallic and roughness are computed at each.
+const FINE: usize = 160;
+/// The mean of the base color at the start.
+const BASE: f64 = 0.5;
 /// The most pixels of the first level, along the longest side.
 const FIRST: usize = 63;
 
@@ -29,8 +37,6 @@ pub struct Stage {
     pub size: usize,
     /// Whether it is the last one, which leaves the mesh as it is.
     last: bool,
-    /// See [`Stage::for_trial`].
-    trial: bool,
     pub views: Vec<Photograph>,
     /// The width of a pixel at the object, in radii of the region.
     pixel: f64,
@@ -38,27 +44,20 @@ pub struct Stage {
 }
 
 impl Stage {
-    pub fn new(set: &Set, size: usize, last: bool) -> Result<Self> {
+    pub fn new(set: &Set, size: usize, last: bool, bounces: u32) -> Result<Self> {
         let shrunk = set.train.iter().map(|p| p.shrunk(size));
         let views = crop_to_masks(&shrunk.collect::<Result<Vec<_>>>()?, 2)?;
         let [width, height] = views[0].camera.size;
         Ok(Self {
             size,
             last,
-            trial: false,
             views,
             pixel: set.distance / (set.focal * size as f64),
             options: RenderOptions::new(width, height)
                 .with_samples(if size > FIRST { 4 } else { 8 })
-                .with_bounces(0)
+                .with_bounces(bounces)
                 .with_opacity(),
         })
-    }
-
-    /// The same for a short fit that compares two kinds of light, on equal terms.
-    pub fn for_trial(mut self) -> Self {
-        self.trial = true;
-        self
     }
 
     /// Makes the mesh even and sound, an atlas for it, and parameters from those of the level before.
@@ -76,13 +75,22 @@ impl Stage {
         *mesh = remesh(&repair(mesh, &sound)?.mesh, &RemeshOptions::uniform(edge))?.mesh;
         *mesh = repair(mesh, &sound)?.mesh;
         let side = (1.5 * (mesh.area() / 0.6).sqrt() / self.pixel).ceil() as usize;
+        let share = if side > FINE { 2 } else { 1 };
+        let side = side.max(32).next_multiple_of(share);
         let options = AtlasOptions {
-            gutter: 2,
+            gutter: 2 * share,
             ..AtlasOptions::default()
         };
-        let atlas = Atlas::new(&mesh.positions, &mesh.faces, side.max(32), &options)?;
+        let atlas = Atlas::new(&mesh.positions, &mesh.faces, side, &options)?;
+        let side = atlas.size;
+        let places = atlas.texels().bake::<3>(|face, at| {
+            let corners = mesh.faces[face as usize].map(|v| mesh.positions[v as usize]);
+            [0, 1, 2].map(|i| (0..3).map(|k| at[k] * corners[k][i]).sum::<f64>() as f32)
+        });
+        let places = Tensor::<1>::from_floats(places.as_slice(), device).reshape([side, side, 3]);
         let mut level = Level {
             faces: mesh.faces.clone(),
+            places: shrunk(places, share),
             atlas,
             still: None,
             world,
@@ -91,31 +99,37 @@ impl Stage {
         let vertices = Mesh::from_host(&mesh.positions, mesh.faces.clone(), &auto).vertices;
         let vertices = Param::from_tensor(vertices);
         let Some((before, from)) = before else {
-            let light = set.brightness / 0.5;
+            // Colors are what white light would show.
+            let light = set.brightness.iter().sum::<f64>() / 3.0 / BASE;
+            let color = set.brightness.map(|b| (b / light).min(0.95) as f32);
+            let color = Tensor::<1>::from_floats(color, device).reshape([1, 1, 3]);
             let asset = Asset {
                 vertices,
-                base: flat([0.0; 3], side, &auto),
-                // Highlights of a smooth surface show where a standing light is.
-                surface: match self.finds_light(world) {
-                    true => flat([0.0, -2.0], side, &auto),
-                    false => flat([-1.0, -1.2], 1, &auto),
-                },
+                base: TextureParams::from_image(&color.repeat(&[side, side, 1]), &auto)?,
+                surface: SurfaceNetworkConfig::new().init(&auto)?,
                 normals: None,
                 sky: EnvironmentParamsConfig::new(16, 32)
                     .with_radiance([light; 3])
                     .init(&auto)?,
-                gains: Param::from_tensor(Tensor::zeros([set.train.len(), 3], &auto)),
+                exposure: ExposureParamsConfig::new(set.train.len()).init(&auto)?,
             };
             return Ok((asset, level));
         };
-        let side = level.atlas.size;
-        let move_to = |texture: &Param<Tensor<3>>| -> Result<Param<Tensor<3>>> {
-            moved(texture, (&old, &from.atlas), (mesh, &level.atlas), &auto)
+        let texels = HostImage::from_tensor(&before.base.texels())?;
+        let textured = Textured {
+            positions: &old.positions,
+            faces: &old.faces,
+            uvs: &from.atlas.uvs,
+            uv_faces: &from.atlas.faces,
+            texels: &texels.pixels,
+            shape: [from.atlas.size; 2],
         };
+        let texels = level.atlas.texels();
+        let texels = transfer::<3>(&textured, &mesh.positions, &mesh.faces, &texels)?;
+        let base = HostImage::new(side, side, texels)?.into_tensor(device);
         let mut asset = Asset {
             vertices,
-            base: move_to(&before.base)?,
-            surface: move_to(&before.surface)?,
+            base: TextureParams::from_image(&base, &auto)?,
             sky: before.sky.resized(if self.last { 32 } else { 16 })?,
             ..before
         };
@@ -127,23 +141,45 @@ impl Stage {
         Ok((asset, level))
     }
 
-    /// The loss of a step.
+    /// The loss of a step, by two renders: one for the errors, and one for the derivatives.
     fn loss(
         &self,
         asset: &Asset,
         level: &Level,
         views: &[usize],
-        options: &RenderOptions,
+        step: &Step,
         device: &Device,
     ) -> Result<Evaluation> {
         let shown: Vec<&Photograph> = views.iter().map(|&i| &self.views[i]).collect();
-        let image = render_batch(&asset.batch(level, &shown, device)?, options)?;
-        compare(asset, &image, Targets::new(&shown, device), views)
-    }
-
-    /// Whether a light is searched that stands in the world.
-    fn finds_light(&self, world: bool) -> bool {
-        world && self.size <= FIRST && !self.trial
+        let surface = asset.surface(level);
+        let [metallic, roughness] = &surface;
+        // Rough metal looks as paint does: paint is what most things have.
+        let metal = (metallic.clone() * roughness.clone()).mean();
+        let object = asset.object(level, surface.clone());
+        let batch = asset.batch(&object, level.world, &shown)?;
+        let still = asset.valid();
+        let object = still.object(level, surface.map(Tensor::inner));
+        let still = still.batch(&object, level.world, &shown)?;
+        let more = self.options.clone().with_samples(2 * self.options.samples);
+        let errors = render_batch(&still, &step.options(&more, 0))?;
+        let image = render_batch(&batch, &step.options(&self.options, 1))?;
+        let factors = asset.exposure.factors(views)?;
+        let loss = PhotographLoss::new(&shown, device)?;
+        let errors = loss.forward(&errors, &image, Some(factors))?;
+        // White light is what one takes the colors of things by.
+        let sky = asset.sky.texels();
+        let gray = sky.clone().mean_dim(2);
+        let power = gray.clone().detach().powi_scalar(2).mean();
+        let color = (sky - gray).powi_scalar(2).mean() * 3.0 / power;
+        let mut smooth = loss::smoothness(asset.sky.log_radiance.val()) * 3e-4
+            + loss::smoothness(asset.base.logit_texels.val()) * 0.005
+            + metal * 0.03
+            + color * 0.02;
+        if let Some(normals) = &asset.normals {
+            smooth = smooth + loss::smoothness(normals.slopes.val()) * 0.02;
+        }
+        let loss = errors.color * 40.0 + errors.silhouette * 10.0 + smooth;
+        Ok(Evaluation::new(loss).with_value("PSNR", errors.psnr))
     }
 
     /// The number of steps that this many seconds are enough for.
@@ -170,24 +206,22 @@ impl Stage {
         device: &Device,
     ) -> Result<Asset> {
         let mesh = Mesh::new(asset.vertices.val().inner(), level.faces.clone());
-        let large = LargeSteps::from_mesh(&mesh, &LargeStepsConfig::default().with_lambda(16.0))?;
+        let large = LargeSteps::from_mesh(&mesh, &LargeStepsConfig::default().with_lambda(4.0))?;
         let group = ParamGroup::from_path;
         let optimizer = AdamConfig::new()
             .init()
             .with_group(group("vertices"), large, None);
-        let finds_light = self.finds_light(level.world);
-        let rate = if self.size > FIRST { 0.1 } else { 0.2 };
-        let (of_surface, of_sky) = if finds_light { (0.7, 2.0) } else { (0.5, 1.0) };
+        let first = self.size <= FIRST;
         let falling = |rate: f64| Rate::exponential(rate, 0.2 * rate);
+        let of_sky = if first { 0.4 } else { 0.2 };
         let mut fit = Fit::new(asset, optimizer, steps)
-            .with_rate(falling(rate))
-            .with_rate_of(group("vertices"), Rate::exponential(0.09, 0.036))
-            .with_rate_of(group("surface"), falling(of_surface * rate))
-            .with_rate_of(group("sky.log_radiance"), falling(of_sky * rate))
-            .with_rate_of(group("gains"), Rate::constant(0.003))
+            .with_rate(falling(0.003))
+            .with_rate_of(group("base.logit_texels"), falling(0.2))
+            .with_rate_of(group("vertices"), Rate::exponential(0.09, 0.004))
+            .with_rate_of(group("sky.log_radiance"), falling(of_sky))
             .with_progress(false);
         if self.last {
-            fit = fit.with_rate_of(group("normals.slopes"), Rate::constant(0.01));
+            fit = fit.with_rate_of(group("normals.slopes"), Rate::constant(0.004));
         }
         if let Some(folder) = folder {
             let bar = results::bar(steps, self.size);
@@ -207,41 +241,10 @@ impl Stage {
             });
         }
         let all: Vec<usize> = (0..self.views.len()).collect();
-        let batches = Batches::new(&all, if finds_light { MORE_VIEWS } else { VIEWS }, 1)?;
+        let batches = Batches::new(&all, if first { MORE_VIEWS } else { VIEWS }, 1)?;
         let fitted = fit.run(|asset: &Asset, step: &Step| {
-            let options = step.options(&self.options, 0);
-            self.loss(asset, level, &batches.views(step.index), &options, device)
+            self.loss(asset, level, &batches.views(step.index), step, device)
         })?;
         Ok(fitted.module)
     }
-}
-
-/// A texture of one mesh, looked up for another.
-fn moved(
-    texture: &Param<Tensor<3>>,
-    (old, old_atlas): (&TriangleMesh, &Atlas),
-    (new, atlas): (&TriangleMesh, &Atlas),
-    device: &Device,
-) -> Result<Param<Tensor<3>>> {
-    let [side, _, channels] = texture.dims();
-    // Images have three channels.
-    let rest = Tensor::zeros([side, side, 3 - channels], &texture.device());
-    let texels = HostImage::from_tensor(&Tensor::cat(vec![texture.val(), rest], 2))?;
-    let from = Textured {
-        positions: &old.positions,
-        faces: &old.faces,
-        uvs: &old_atlas.uvs,
-        uv_faces: &old_atlas.faces,
-        texels: &texels.pixels,
-        shape: [side; 2],
-    };
-    let texels = transfer::<3>(&from, &new.positions, &new.faces, &atlas.texels())?;
-    let map = HostImage::new(atlas.size, atlas.size, texels)?.into_tensor(device);
-    Ok(Param::from_tensor(map.narrow(2, 0, channels).detach()))
-}
-
-/// A texture of one value.
-fn flat<const C: usize>(value: [f32; C], side: usize, device: &Device) -> Param<Tensor<3>> {
-    let texel = Tensor::<1>::from_floats(value, device).reshape([1, 1, C]);
-    Param::from_tensor(texel.repeat(&[side, side, 1]).detach())
 }

@@ -7,8 +7,8 @@ use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::Tensor;
 
 use super::{
-    CameraParams, EnvironmentParams, LensParams, MaterialParams, MeshOffsets, MeshParams,
-    NormalMapParams, RigidTransform, TextureParams, ViewpointParams,
+    CameraParams, EnvironmentParams, ExposureParams, LensParams, MaterialParams, MeshOffsets,
+    MeshParams, NormalMapParams, RigidTransform, SurfaceNetwork, TextureParams, ViewpointParams,
 };
 use crate::debug::{Text, parameter};
 
@@ -53,4 +53,4 @@ macro_rules! debug {
     )*};
 }
 
-debug!(CameraParams EnvironmentParams LensParams MaterialParams MeshOffsets MeshParams NormalMapParams RigidTransform TextureParams ViewpointParams);
+debug!(CameraParams EnvironmentParams ExposureParams LensParams MaterialParams MeshOffsets MeshParams NormalMapParams RigidTransform SurfaceNetwork TextureParams ViewpointParams);

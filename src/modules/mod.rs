@@ -4,7 +4,8 @@
 //! [`MeshOffsets`] into a mesh, [`RigidTransform`] into a transform, [`CameraParams`] into a camera, [`ViewpointParams`] into
 //! the cameras of photographs,
 //! [`TextureParams`] into a texture, [`NormalMapParams`] into a normal map, [`EnvironmentParams`] into an
-//! environment, [`MaterialParams`] into a material.
+//! environment, [`MaterialParams`] into a material. [`SurfaceNetwork`] computes textures of materials, and [`ExposureParams`]
+//! are factors of photographs.
 //!
 //! # Rules
 //! - **Constructors**: a part is made from numbers by its configuration, `XConfig::new(…).with_y(…).init(&device)`,
@@ -77,24 +78,28 @@
 
 mod camera;
 mod debug;
+mod exposure;
 mod loss;
 mod material;
 mod mesh;
 mod renderer;
 #[cfg(feature = "safetensors")]
 mod store;
+mod surface;
 mod texture;
 mod transform;
 mod values;
 mod viewpoints;
 
 pub use camera::{Aim, AimForm, CameraParams, CameraParamsConfig, LensParams};
+pub use exposure::{ExposureParams, ExposureParamsConfig};
 pub use loss::{RenderLoss, RenderLossConfig};
 pub use material::{MaterialParams, MaterialParamsConfig};
 pub use mesh::{MeshOffsets, MeshParams};
 pub use renderer::Renderer;
 #[cfg(feature = "safetensors")]
 pub use store::{load_safetensors, save_safetensors};
+pub use surface::{SurfaceNetwork, SurfaceNetworkConfig};
 pub use texture::{
     EnvironmentParams, EnvironmentParamsConfig, NormalMapParams, NormalMapParamsConfig,
     TextureParams, TextureParamsConfig,

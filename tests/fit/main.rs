@@ -17,6 +17,7 @@ mod module_files;
 mod module_gradients;
 mod modules;
 mod output;
+mod photographs;
 mod point_clouds;
 mod run;
 mod schedule;

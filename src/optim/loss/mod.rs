@@ -7,6 +7,7 @@
 //! All losses return a [`Result`]: tensors whose shapes or float types differ, that are empty, or settings out of
 //! their range are errors.
 
+mod photographs;
 mod points;
 mod pyramid;
 mod silhouette;
@@ -16,6 +17,7 @@ use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
 
+pub use photographs::{PhotographErrors, PhotographLoss};
 pub use points::{chamfer, f_score};
 pub(crate) use pyramid::check_levels;
 #[cfg(feature = "fit")]
@@ -87,6 +89,27 @@ pub fn mse_unbiased<const D: usize>(
 pub fn l1<const D: usize>(image: Tensor<D>, target: Tensor<D>) -> Result<Tensor<1>> {
     check_pair("l1", &image, &target)?;
     Ok((image - target).abs().mean())
+}
+
+/// Mean squared difference of neighbors along both axes of a map `[H, W, C]`, the sum over both axes: a regularizer of
+/// textures, normal maps, or logarithms of environment maps. It is 0 for a map of one texel.
+///
+/// ```
+/// use softray::loss;
+/// use softray::prelude::*;
+/// let map = Tensor::<3>::from_floats([[[0.0], [2.0]], [[0.0], [2.0]]], &Device::flex());
+/// assert_eq!(loss::smoothness(map).into_scalar::<f32>(), 4.0);
+/// ```
+pub fn smoothness(map: Tensor<3>) -> Tensor<1> {
+    let along = |axis: usize| {
+        let length = map.dims()[axis].saturating_sub(1);
+        if length == 0 {
+            return Tensor::zeros([1], (&map.device(), map.dtype()));
+        }
+        let step = map.clone().narrow(axis, 1, length) - map.clone().narrow(axis, 0, length);
+        step.powi_scalar(2).mean()
+    };
+    along(0) + along(1)
 }
 
 /// Returns images `[…, H, W, C]` as `[B, H, W, C]`. Fewer than three axes do not compile.

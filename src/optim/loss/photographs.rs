@@ -1,0 +1,182 @@
+//! Losses between renders and photographs.
+
+use burn::tensor::{Device, Tensor};
+
+use super::check_pair;
+use crate::error::{Error, Result};
+use crate::geometry::host_values;
+use crate::photographs::Photograph;
+use crate::render::ImageBatch;
+
+/// The mask above which a pixel shows nothing but the object, and the opacity above which a render does.
+const WHOLE: [f32; 2] = [0.99, 0.999];
+/// The linear value from which a channel of a photograph counts as clipped.
+const CLIPPED: f32 = 0.96;
+/// The least value at which the slope of the sRGB curve is taken: it is noise that is darker.
+const DARKEST: f64 = 0.02;
+/// The error of an sRGB value beyond which a pixel counts as an outlier.
+const OUTLIER: f64 = 0.2;
+
+/// A mini-batch of photographs with masks, to compare renders with.
+///
+/// Colors are compared where the mask and the render show nothing but the object, because a photograph is masked and a render
+/// is not. The error of a channel is the difference of linear values times the slope of the sRGB curve at the photograph's
+/// value, so that it counts as it looks. Errors ρ(e) are quadratic up to about 0.2 and linear beyond (pseudo-Huber, Charbonnier
+/// et al. 1997), for borders of masks and for cameras that are off. A clipped channel says "at least": a brighter render has no
+/// error there.
+///
+/// # Noise
+/// The square of a noisy value is too large by its variance, so a fit by it prefers what has less noise: a matt surface to a
+/// glossy one. Here two independent renders are multiplied, as in [`mse_unbiased`](super::mse_unbiased): the errors come from a
+/// render without a tape, and only the derivatives from the other one. As a render without gradients costs a fraction of one
+/// with them, it has more samples.
+///
+/// ```
+/// use softray::loss::PhotographLoss;
+/// use softray::photographs::{PhotographOptions, Photographs};
+/// use softray::prelude::*;
+/// let set = Photographs::open("tests/data/photographs")?;
+/// let options = PhotographOptions::new().with_longest_side(16).with_black_backdrop(true);
+/// let photographs = set.load(&[0], &options)?.photographs;
+/// let device = Device::flex().autodiff();
+/// let color = Tensor::<1>::from_floats([0.5, 0.5, 0.5], &device).require_grad();
+/// let ball = shapes::icosphere(2, &device).scaled(1.3);
+/// let ball = Object::new(ball).with_material(Material::diffuse(color));
+/// let scene = Scene::new().with_object(ball).with_environment([1.0; 3]);
+/// let camera = photographs[0].camera.to_camera()?;
+/// let batch = Batch::new(vec![scene], vec![camera])?;
+/// let options = RenderOptions::new(16, 16).with_bounces(0).with_opacity();
+/// let errors = render_batch(&batch, &options.clone().with_samples(16).with_seed(1))?;
+/// let image = render_batch(&batch, &options.with_samples(4))?;
+/// let views: Vec<_> = photographs.iter().collect();
+/// let errors = PhotographLoss::new(&views, &device)?.forward(&errors, &image, None)?;
+/// let loss = errors.color + errors.silhouette;
+/// assert!(errors.psnr > 5.0 && loss.into_scalar::<f32>() > 0.0);
+/// # Ok::<(), softray::Error>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct PhotographLoss {
+    color: Tensor<4>,
+    mask: Tensor<3>,
+    /// The weights of pixels `[N, H, W, 1]`: 0 where a photograph shows anything else.
+    inside: Tensor<4>,
+    slope: Tensor<4>,
+    /// 1 where a channel is clipped.
+    clipped: Tensor<4>,
+}
+
+/// What [`PhotographLoss::forward`] returns.
+#[derive(Clone, Debug)]
+pub struct PhotographErrors {
+    /// The mean of ρ(e) over the channels that are compared, `[1]`; about e² for small errors.
+    pub color: Tensor<1>,
+    /// The mean squared difference of opacity and mask, over the mean of the masks, `[1]`.
+    pub silhouette: Tensor<1>,
+    /// −10 log₁₀ of the mean of e² in dB: about the PSNR of sRGB values inside of the masks, less for a noisy render.
+    pub psnr: f64,
+}
+
+impl PhotographLoss {
+    /// Puts N photographs of the same size on a device.
+    ///
+    /// # Errors
+    /// If there is none, sizes differ, or none of their pixels is inside of a mask.
+    pub fn new(photographs: &[&Photograph], device: &Device) -> Result<Self> {
+        let device = &device.clone().inner();
+        let size = photographs.first().map(|p| p.camera.size);
+        let expected = "at least one, all of the same size";
+        let same = size.is_some() && photographs.iter().all(|p| Some(p.camera.size) == size);
+        let count = photographs.len();
+        Error::unless(same, "photographs", "number", count, expected)?;
+        let [width, height] = size.unwrap_or_default();
+        let of = |value: &dyn Fn(&Photograph) -> Vec<f32>| {
+            let values: Vec<f32> = photographs.iter().flat_map(|p| value(p)).collect();
+            Tensor::<1>::from_floats(values.as_slice(), device)
+        };
+        let color = of(&|p| p.color.pixels.clone()).reshape([count, height, width, 3]);
+        let inside = of(&|p| {
+            let pixels = p.mask.iter().zip(&p.weight);
+            pixels
+                .map(|(&m, &w)| if m > WHOLE[0] { w } else { 0.0 })
+                .collect()
+        });
+        let any = photographs
+            .iter()
+            .any(|p| p.mask.iter().any(|&m| m > WHOLE[0]));
+        Error::unless(any, "photographs", "masks", "empty", "pixels of the object")?;
+        Ok(Self {
+            mask: of(&|p| p.mask.clone()).reshape([count, height, width]),
+            inside: inside.reshape([count, height, width, 1]),
+            slope: color
+                .clone()
+                .clamp(DARKEST, 1.0)
+                .powf_scalar(1.0 / 2.4 - 1.0)
+                * (1.055 / 2.4),
+            clipped: color.clone().greater_equal_elem(CLIPPED).float(),
+            color,
+        })
+    }
+
+    /// Compares two independent renders (of other seeds) with opacities: `errors`, of which values alone are used, and
+    /// `image`, of which derivatives alone are. `factors` `[N, 3]` multiply the radiance of each view, as those of
+    /// [`ExposureParams`](crate::modules::ExposureParams). The losses have the values of `errors`, and unbiased gradients of
+    /// squared errors.
+    ///
+    /// # Errors
+    /// If a render has no opacity, or shapes or float types differ from those of the photographs.
+    pub fn forward(
+        &self,
+        errors: &ImageBatch,
+        image: &ImageBatch,
+        factors: Option<Tensor<2>>,
+    ) -> Result<PhotographErrors> {
+        let [count, ..] = self.color.dims();
+        let ones = || Tensor::<2>::ones([count, 3], &image.radiance.device());
+        let factors = factors.unwrap_or_else(ones);
+        check_pair("photographs", &factors, &ones().cast(factors.dtype()))?;
+        let factors = factors.reshape([count, 1, 1, 3]);
+        let shown = |image: &ImageBatch, factors: Tensor<4>| {
+            check_pair("photographs", &image.radiance, &self.color)?;
+            let missing = || Error::invalid("photographs", "opacity", "none", "with_opacity");
+            let opacity = image.opacity.clone().ok_or_else(missing)?;
+            check_pair("photographs", &opacity, &self.mask)?;
+            Ok((image.radiance.clone() * factors, opacity))
+        };
+        let (seen, covered) = shown(errors, factors.clone())?;
+        let (seen, covered) = (seen.detach().inner(), covered.detach().inner());
+        let (color, opacity) = shown(image, factors)?;
+        let whole = covered.clone().greater_equal_elem(WHOLE[1]).float()
+            * opacity
+                .clone()
+                .detach()
+                .inner()
+                .greater_equal_elem(WHOLE[1])
+                .float();
+        let inside = self.inside.clone() * whole.unsqueeze_dim(3);
+        let total = (inside.clone().sum() * 3.0).clamp_min(1.0);
+
+        let error = (seen - self.color.clone()) * self.slope.clone();
+        let brighter = error.clone().greater_elem(0.0).float() * self.clipped.clone();
+        let weight = (brighter.neg() + 1.0) * inside / total.unsqueeze();
+        let root = ((error.clone() / OUTLIER).powi_scalar(2) + 1.0).sqrt();
+        let value = ((root.clone() - 1.0) * weight.clone()).sum() * (2.0 * OUTLIER * OUTLIER);
+        let slope = error.clone() * self.slope.clone() * weight.clone() / root * 2.0;
+        let squared = host_values(&(error.powi_scalar(2) * weight).sum())?;
+
+        let off = covered - self.mask.clone();
+        let scale = self.mask.clone().mean();
+        let pixels = off.dims().iter().product::<usize>() as f64;
+        let by_opacity = off.clone() / scale.clone().unsqueeze() * (2.0 / pixels);
+        Ok(PhotographErrors {
+            color: with_gradient(value, color, slope),
+            silhouette: with_gradient(off.powi_scalar(2).mean() / scale, opacity, by_opacity),
+            psnr: -10.0 * squared.first().copied().map_or(f64::NAN, f64::from).log10(),
+        })
+    }
+}
+
+/// A constant with a given derivative by the elements of `of`.
+fn with_gradient<const D: usize>(value: Tensor<1>, of: Tensor<D>, by: Tensor<D>) -> Tensor<1> {
+    let linear = (of * Tensor::from_inner(by)).sum();
+    linear.clone() - linear.detach() + Tensor::from_inner(value)
+}

@@ -1,0 +1,212 @@
+//! What fits to photographs are made of: losses, exposures, and the network of surfaces.
+
+use crate::common::errors::{message, says};
+use crate::common::tensors::values;
+use burn::optim::{AdamConfig, GradientsParams, Optimizer};
+use softray::loss::PhotographLoss;
+use softray::modules::{ExposureParamsConfig, SurfaceNetworkConfig};
+use softray::photographs::{Photograph, PhotographOptions, Photographs};
+use softray::prelude::*;
+
+/// Two pixels of one color, beside each other.
+fn photograph(color: f32, mask: [f32; 2]) -> Photograph {
+    let set = Photographs::open("tests/data/photographs").expect("the set");
+    let options = PhotographOptions::new().with_longest_side(2);
+    let loaded = set.load(&[0], &options).expect("a photograph");
+    let mut photograph = loaded.photographs[0].clone();
+    photograph.camera.size = [2, 1];
+    photograph.color = HostImage::new(2, 1, vec![color; 6]).expect("an image");
+    photograph.mask = mask.to_vec();
+    photograph.weight = vec![1.0; 2];
+    photograph
+}
+
+/// An image of two pixels.
+fn image(radiance: Tensor<4>, opacity: [f32; 2]) -> ImageBatch {
+    let device = radiance.device();
+    let scene = Scene::new().with_object(Object::new(shapes::cube(&device)));
+    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
+    let batch = Batch::new(vec![scene], vec![camera]).expect("a batch");
+    let options = RenderOptions::new(2, 1).with_bounces(0).with_opacity();
+    let mut image = render_batch(&batch, &options).expect("an image");
+    image.radiance = radiance;
+    image.opacity = Some(Tensor::from_floats([[opacity]], &device));
+    image
+}
+
+/// Radiance of one value.
+fn gray(value: f32, device: &Device) -> Tensor<4> {
+    Tensor::full([1, 1, 2, 3], value, device)
+}
+
+/// The slope of the sRGB curve.
+fn slope(value: f64) -> f64 {
+    value.powf(1.0 / 2.4 - 1.0) * 1.055 / 2.4
+}
+
+/// The errors are those of one render, and the derivatives those of the other. An error counts as it looks.
+#[test]
+fn errors_of_photographs_come_from_one_render_and_derivatives_from_the_other() {
+    let device = Device::flex().autodiff();
+    let shown = photograph(0.25, [1.0, 1.0]);
+    let loss = PhotographLoss::new(&[&shown], &device).expect("a loss");
+    let tracked = gray(0.7, &device).require_grad();
+    let factors = Tensor::<2>::ones([1, 3], &device).require_grad();
+    let errors = image(gray(0.3, &device), [1.0, 1.0]);
+    let derived = image(tracked.clone(), [1.0, 1.0]);
+    let found = loss
+        .forward(&errors, &derived, Some(factors.clone()))
+        .expect("errors");
+
+    let error = 0.05 * slope(0.25);
+    let root = (1.0 + (error / 0.2).powi(2)).sqrt();
+    let expected = 2.0 * 0.04 * (root - 1.0);
+    let value = values(&found.color)[0];
+    assert!((value - expected).abs() < 1e-5, "{value} {expected}");
+    assert!(
+        (found.psnr + 20.0 * error.log10()).abs() < 1e-3,
+        "{}",
+        found.psnr
+    );
+    assert!(values(&found.silhouette)[0].abs() < 1e-6);
+    let gradients = found.color.backward();
+    let by_value = 2.0 * error * slope(0.25) / root / 6.0;
+    for by in values(&tracked.grad(&gradients).expect("a gradient")) {
+        assert!((by - by_value).abs() < 1e-6, "{by} {by_value}");
+    }
+    // Each factor is that of two pixels, whose radiance is that of the tracked render.
+    for by in values(&factors.grad(&gradients).expect("a gradient")) {
+        assert!((by - 2.0 * 0.7 * by_value).abs() < 1e-6, "{by}");
+    }
+}
+
+/// Colors count where mask and render show the object alone, and a clipped value says "at least".
+#[test]
+fn borders_and_brighter_renders_of_clipped_values_are_no_errors() {
+    let device = Device::flex();
+    let color = |photograph: &Photograph, value: f32, opacity: [f32; 2]| {
+        let loss = PhotographLoss::new(&[photograph], &device).expect("a loss");
+        let seen = image(gray(value, &device), opacity);
+        let found = loss.forward(&seen, &seen, None).expect("errors");
+        [values(&found.color)[0], values(&found.silhouette)[0]]
+    };
+    let whole = color(&photograph(0.25, [1.0, 1.0]), 0.5, [1.0, 1.0])[0];
+    let [border, silhouette] = color(&photograph(0.25, [1.0, 0.5]), 0.5, [1.0, 1.0]);
+    assert!((border - whole).abs() < 1e-6, "{border} {whole}");
+    assert!((silhouette - 0.125 / 0.75).abs() < 1e-6, "{silhouette}");
+    assert_eq!(
+        color(&photograph(0.25, [1.0, 1.0]), 0.5, [0.5, 0.5])[0],
+        0.0
+    );
+    assert_eq!(color(&photograph(1.0, [1.0, 1.0]), 3.0, [1.0, 1.0])[0], 0.0);
+    assert!(color(&photograph(1.0, [1.0, 1.0]), 0.5, [1.0, 1.0])[0] > 0.01);
+}
+
+#[test]
+fn photographs_of_other_sizes_and_renders_without_opacity_are_errors() {
+    let device = Device::flex();
+    let shown = photograph(0.25, [1.0, 1.0]);
+    let error = message(PhotographLoss::new(&[], &device).map(|_| ()));
+    says(&error, &["photographs", "0", "at least one"]);
+    let empty = photograph(0.25, [0.0, 0.5]);
+    let error = message(PhotographLoss::new(&[&empty], &device).map(|_| ()));
+    says(&error, &["photographs", "masks", "empty"]);
+    let loss = PhotographLoss::new(&[&shown], &device).expect("a loss");
+    let mut seen = image(gray(0.5, &device), [1.0, 1.0]);
+    let factors = Tensor::<2>::ones([2, 3], &device);
+    let error = message(loss.forward(&seen, &seen, Some(factors)).map(|_| ()));
+    says(&error, &["photographs", "shape", "[2, 3]", "[1, 3]"]);
+    seen.opacity = None;
+    let error = message(loss.forward(&seen, &seen, None).map(|_| ()));
+    says(&error, &["photographs", "opacity", "none"]);
+}
+
+/// A factor of all photographs is not theirs.
+#[test]
+fn exposures_have_a_product_of_one() {
+    let device = Device::flex().autodiff();
+    let mut exposure = ExposureParamsConfig::new(3)
+        .init(&device)
+        .expect("exposures");
+    let logs =
+        Tensor::<2>::from_floats([[0.5, 0.1, 0.0], [0.5, 0.2, 1.0], [0.5, 0.3, 2.0]], &device);
+    exposure.log_factors = exposure.log_factors.map(|_| logs.clone().require_grad());
+    let found = values(&exposure.factors(&[2, 0]).expect("factors"));
+    let expected = [0.0, 0.1, 1.0, 0.0, -0.1, -1.0].map(f64::exp);
+    let near = found
+        .iter()
+        .zip(expected)
+        .all(|(a, b)| (a - b).abs() < 1e-5);
+    assert!(near, "{found:?} {expected:?}");
+    let error = message(exposure.factors(&[0, 3]).map(|_| ()));
+    says(&error, &["exposure", "view", "3", "less than 3"]);
+    let error = message(ExposureParamsConfig::new(0).init(&device).map(|_| ()));
+    says(&error, &["exposure", "count", "at least one"]);
+}
+
+/// What a network is taught of a few points of gold and paint, it knows of others of these colors.
+#[test]
+fn surfaces_of_a_color_are_learned_together() {
+    let device = Device::flex().autodiff();
+    device.seed(3);
+    let mut network = SurfaceNetworkConfig::new()
+        .init(&device)
+        .expect("a network");
+    // Colors of gold and of a blue paint in turn, at places all over the ball.
+    let points = |from: usize, count: usize| {
+        let numbers = from..from + count;
+        let color = |i: usize| {
+            if i % 2 == 0 {
+                [1.0, 0.75, 0.3]
+            } else {
+                [0.05, 0.2, 0.3]
+            }
+        };
+        let place = |i: usize| [0, 1, 2].map(|k| (i as f32 * 1.7 + k as f32 * 2.1).sin() * 0.6);
+        let flat = |rows: Vec<[f32; 3]>| {
+            Tensor::<1>::from_floats(rows.concat().as_slice(), &device).reshape([count, 3])
+        };
+        (
+            flat(numbers.clone().map(color).collect()),
+            flat(numbers.map(place).collect()),
+        )
+    };
+    let (colors, places) = points(0, 8);
+    let start = network
+        .forward(colors.clone(), places.clone())
+        .map(|t| values(&t));
+    assert!(
+        start[0].iter().all(|m| (0.0..0.4).contains(m)),
+        "{:?}",
+        start[0]
+    );
+    assert!(
+        start[1].iter().all(|r| (0.1..0.9).contains(r)),
+        "{:?}",
+        start[1]
+    );
+    let target = |of: [f32; 2]| Tensor::<1>::from_floats([of; 4].concat().as_slice(), &device);
+    let mut optimizer = AdamConfig::new().init();
+    for _ in 0..150 {
+        let [metallic, roughness] = network.forward(colors.clone(), places.clone());
+        let error = (metallic - target([1.0, 0.0])).powi_scalar(2)
+            + (roughness - target([0.3, 0.6])).powi_scalar(2);
+        let gradients = error.mean().backward();
+        let gradients = GradientsParams::from_grads(gradients, &network);
+        network = optimizer.step(0.01, network, gradients);
+    }
+    let (colors, places) = points(20, 10);
+    let [metallic, roughness] = network.forward(colors, places).map(|t| values(&t));
+    for (i, (m, r)) in metallic.iter().zip(&roughness).enumerate() {
+        let expected = if i % 2 == 0 { (1.0, 0.3) } else { (0.0, 0.6) };
+        let near = (m - expected.0).abs() < 0.2 && (r - expected.1).abs() < 0.12;
+        assert!(near, "{i}: {m} {r} {expected:?}");
+    }
+    let error = message(
+        SurfaceNetworkConfig::new()
+            .with_roughness(2.0)
+            .init(&device)
+            .map(|_| ()),
+    );
+    says(&error, &["surface network", "roughness"]);
+}
