@@ -157,7 +157,7 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
         if made.steps.len() <= index {
             // A level has a share of the time that is left.
             let left = minutes * 60.0 - clock.elapsed().as_secs_f64();
-            let share = if last { 0.9 } else { 0.35 };
+            let share = if last { 0.9 } else { 0.25 };
             made.steps
                 .push(stage.steps_in(share * left, &start, &level, &device)?);
             write(&made)?;
@@ -178,10 +178,8 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
             Some(&arguments.out),
         )?)?;
         if made.bounces.is_none() {
-            let mut brighter = 0.0;
-            for view in &held {
-                brighter += results::indirect(&fitted, &level, view, &device)? / held.len() as f64;
-            }
+            let few = few(&stage.views);
+            let brighter = results::indirect(&fitted, &level, &few, &device)?;
             log.line(&format!("a bounce of light adds {:.1} %", 100.0 * brighter))?;
             made.bounces = Some(u32::from(brighter > INDIRECT));
             write(&made)?;
@@ -263,16 +261,17 @@ fn light_stands(stage: &Stage, set: &Set, mesh: &TriangleMesh, device: &Device) 
     for (error, world) in errors.iter_mut().zip([false, true]) {
         let (asset, level) = stage.start(set, &mut mesh.clone(), None, world, device)?;
         let fitted = stage.fit(asset, &level, 50, None, device)?;
-        let few: Vec<_> = stage
-            .views
-            .iter()
-            .step_by(stage.views.len().div_ceil(8))
-            .cloned()
-            .collect();
+        let few = few(&stage.views);
         let numbers = results::measure(&fitted, &level, &few, 0, device, None)?;
         *error = -numbers["psnr_linear"].as_f64().ok_or("no number")?;
     }
     Ok(errors[1] <= errors[0])
+}
+
+/// About eight photographs.
+fn few(views: &[Photograph]) -> Vec<Photograph> {
+    let step = views.len().div_ceil(8);
+    views.iter().step_by(step).cloned().collect()
 }
 
 /// The vertices of a mesh.

@@ -166,15 +166,22 @@ pub fn measure(
     }))
 }
 
-/// The share by which a bounce of light brightens a view.
-pub fn indirect(asset: &Asset, level: &Level, view: &Photograph, device: &Device) -> Result<f64> {
+/// The share by which a bounce of light brightens photographs.
+pub fn indirect(
+    asset: &Asset,
+    level: &Level,
+    views: &[Photograph],
+    device: &Device,
+) -> Result<f64> {
     let asset = &asset.valid();
-    let mut means = [0.0; 2];
-    for (bounces, mean) in means.iter_mut().enumerate() {
-        let (image, _) = see(asset, level, view, bounces as u32, device)?;
-        *mean = image.mean().iter().sum();
+    let mut sums = [0.0; 2];
+    for view in views {
+        for (bounces, sum) in sums.iter_mut().enumerate() {
+            let (image, _) = see(asset, level, view, bounces as u32, device)?;
+            *sum += image.mean().iter().sum::<f64>();
+        }
     }
-    Ok(means[1] / means[0] - 1.0)
+    Ok(sums[1] / sums[0] - 1.0)
 }
 
 /// Writes the asset, its light, and pictures of it.

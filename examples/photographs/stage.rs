@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use burn::module::{Module, Param, ParamGroup};
+use burn::module::{Param, ParamGroup};
 use burn::optim::AdamConfig;
 use softray::Result;
 use softray::atlas::{Atlas, AtlasOptions, Textured, transfer};
@@ -152,17 +152,16 @@ impl Stage {
     ) -> Result<Evaluation> {
         let shown: Vec<&Photograph> = views.iter().map(|&i| &self.views[i]).collect();
         let surface = asset.surface(level);
-        let [metallic, roughness] = &surface;
+        let [metallic, roughness] = surface.clone();
         // Rough metal looks as paint does: paint is what most things have.
-        let metal = (metallic.clone() * roughness.clone()).mean();
-        let object = asset.object(level, surface.clone());
+        let metal = (metallic * roughness).mean();
+        let object = asset.object(level, surface);
         let batch = asset.batch(&object, level.world, &shown)?;
-        let still = asset.valid();
-        let object = still.object(level, surface.map(Tensor::inner));
-        let still = still.batch(&object, level.world, &shown)?;
-        let more = self.options.clone().with_samples(2 * self.options.samples);
-        let errors = render_batch(&still, &step.options(&more, 0))?;
-        let image = render_batch(&batch, &step.options(&self.options, 1))?;
+        // Both renders share the tree over the triangles.
+        let options = self.options.clone().with_cache(&HierarchyCache::new());
+        let more = options.clone().with_samples(2 * options.samples);
+        let errors = render_batch(&batch, &step.options(&more, 0))?;
+        let image = render_batch(&batch, &step.options(&options, 1))?;
         let factors = asset.exposure.factors(views)?;
         let loss = PhotographLoss::new(&shown, device)?;
         let errors = loss.forward(&errors, &image, Some(factors))?;

@@ -71,14 +71,14 @@ fn surface_errors(file: &Path) -> [f64; 2] {
     let scene = scene.with_environment([1.0; 3]);
     let mut rough = scene.clone();
     for object in &mut rough.objects {
-        let Bsdf::MetallicRoughness { roughness, .. } = &object.material.bsdf else {
-            panic!("{:?}", object.material);
+        let Bsdf::MetallicRoughness { roughness, .. } = &object.materials[0].bsdf else {
+            panic!("{:?}", object.materials);
         };
         let ScalarTexture::Texture { texels, .. } = roughness else {
             panic!("{roughness:?}");
         };
         let gray = texels.clone().unsqueeze_dim::<3>(2).repeat(&[1, 1, 3]);
-        object.material = Material::diffuse(ColorTexture::texture(gray));
+        object.materials = vec![Material::diffuse(ColorTexture::texture(gray))].into();
     }
     let mut set = Photographs::open(SET).expect("the set");
     set.split_every(8).expect("a split");

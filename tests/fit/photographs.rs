@@ -2,7 +2,7 @@
 
 use crate::common::errors::{message, says};
 use crate::common::tensors::values;
-use burn::optim::{AdamConfig, GradientsParams, Optimizer};
+use burn::optim::{AdamConfig, GradientsParams};
 use softray::loss::PhotographLoss;
 use softray::modules::{ExposureParamsConfig, SurfaceNetworkConfig};
 use softray::photographs::{Photograph, PhotographOptions, Photographs};
@@ -107,18 +107,18 @@ fn photographs_of_other_sizes_and_renders_without_opacity_are_errors() {
     let device = Device::flex();
     let shown = photograph(0.25, [1.0, 1.0]);
     let error = message(PhotographLoss::new(&[], &device).map(|_| ()));
-    says(&error, &["photographs", "0", "at least one"]);
+    says(&error, ["photographs", "0", "at least one"]);
     let empty = photograph(0.25, [0.0, 0.5]);
     let error = message(PhotographLoss::new(&[&empty], &device).map(|_| ()));
-    says(&error, &["photographs", "masks", "empty"]);
+    says(&error, ["photographs", "masks", "empty"]);
     let loss = PhotographLoss::new(&[&shown], &device).expect("a loss");
     let mut seen = image(gray(0.5, &device), [1.0, 1.0]);
     let factors = Tensor::<2>::ones([2, 3], &device);
     let error = message(loss.forward(&seen, &seen, Some(factors)).map(|_| ()));
-    says(&error, &["photographs", "shape", "[2, 3]", "[1, 3]"]);
+    says(&error, ["photographs", "shape", "[2, 3]", "[1, 3]"]);
     seen.opacity = None;
     let error = message(loss.forward(&seen, &seen, None).map(|_| ()));
-    says(&error, &["photographs", "opacity", "none"]);
+    says(&error, ["photographs", "opacity", "none"]);
 }
 
 /// A factor of all photographs is not theirs.
@@ -139,9 +139,9 @@ fn exposures_have_a_product_of_one() {
         .all(|(a, b)| (a - b).abs() < 1e-5);
     assert!(near, "{found:?} {expected:?}");
     let error = message(exposure.factors(&[0, 3]).map(|_| ()));
-    says(&error, &["exposure", "view", "3", "less than 3"]);
+    says(&error, ["exposure", "view", "3", "less than 3"]);
     let error = message(ExposureParamsConfig::new(0).init(&device).map(|_| ()));
-    says(&error, &["exposure", "count", "at least one"]);
+    says(&error, ["exposure", "count", "at least one"]);
 }
 
 /// What a network is taught of a few points of gold and paint, it knows of others of these colors.
@@ -156,7 +156,7 @@ fn surfaces_of_a_color_are_learned_together() {
     let points = |from: usize, count: usize| {
         let numbers = from..from + count;
         let color = |i: usize| {
-            if i % 2 == 0 {
+            if i.is_multiple_of(2) {
                 [1.0, 0.75, 0.3]
             } else {
                 [0.05, 0.2, 0.3]
@@ -198,7 +198,11 @@ fn surfaces_of_a_color_are_learned_together() {
     let (colors, places) = points(20, 10);
     let [metallic, roughness] = network.forward(colors, places).map(|t| values(&t));
     for (i, (m, r)) in metallic.iter().zip(&roughness).enumerate() {
-        let expected = if i % 2 == 0 { (1.0, 0.3) } else { (0.0, 0.6) };
+        let expected = if i.is_multiple_of(2) {
+            (1.0, 0.3)
+        } else {
+            (0.0, 0.6)
+        };
         let near = (m - expected.0).abs() < 0.2 && (r - expected.1).abs() < 0.12;
         assert!(near, "{i}: {m} {r} {expected:?}");
     }
@@ -208,5 +212,5 @@ fn surfaces_of_a_color_are_learned_together() {
             .init(&device)
             .map(|_| ()),
     );
-    says(&error, &["surface network", "roughness"]);
+    says(&error, ["surface network", "roughness"]);
 }
