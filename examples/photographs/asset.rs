@@ -46,7 +46,7 @@ impl Level {
 }
 
 impl Asset {
-    /// Metallic and roughness `[S, S]`. What they have in common with the color is learned by the network alone.
+    /// Metallic and roughness `[S, S]`. The base color enters the network without gradients.
     pub fn surface(&self, level: &Level) -> [Tensor<2>; 2] {
         let [size, ..] = level.places.dims();
         let colors = shrunk(self.base.texels().detach(), level.atlas.size / size);

@@ -111,8 +111,6 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
         arguments.size = 64;
     }
     let device = softray::device::named(arguments.device.as_deref())?;
-    // The network's weights start at random.
-    device.seed(1);
     let steps = arguments.out.join("steps");
     let plan = arguments.out.join("plan.json");
     let mut made = Plan::open(&arguments, &steps, &plan)?;

@@ -25,7 +25,7 @@ use super::results;
 /// less noise.
 const VIEWS: usize = 4;
 const MORE_VIEWS: usize = 8;
-/// The most texels along a side of an atlas of which metallic and roughness are computed at each.
+/// Up to this size of an atlas, each texel has its own metallic and roughness; above it, each 2 × 2 block.
 const FINE: usize = 160;
 /// The mean of the base color at the start.
 const BASE: f64 = 0.5;
@@ -157,7 +157,7 @@ impl Stage {
         let metal = (metallic * roughness).mean();
         let object = asset.object(level, surface);
         let batch = asset.batch(&object, level.world, &shown)?;
-        // Both renders share the tree over the triangles.
+        // Both renders share the BVH.
         let options = self.options.clone().with_cache(&HierarchyCache::new());
         let more = options.clone().with_samples(2 * options.samples);
         let errors = render_batch(&batch, &step.options(&more, 0))?;
@@ -165,17 +165,17 @@ impl Stage {
         let factors = asset.exposure.factors(views)?;
         let loss = PhotographLoss::new(&shown, device)?;
         let errors = loss.forward(&errors, &image, Some(factors))?;
-        // White light is what one takes the colors of things by.
+        // Colors are judged under white light, so a penalty keeps the light near white.
         let sky = asset.sky.texels();
         let gray = sky.clone().mean_dim(2);
         let power = gray.clone().detach().powi_scalar(2).mean();
         let color = (sky - gray).powi_scalar(2).mean() * 3.0 / power;
-        let mut smooth = loss::smoothness(asset.sky.log_radiance.val()) * 3e-4
-            + loss::smoothness(asset.base.logit_texels.val()) * 0.005
+        let mut smooth = loss::smoothness(asset.sky.log_radiance.val())? * 3e-4
+            + loss::smoothness(asset.base.logit_texels.val())? * 0.005
             + metal * 0.03
             + color * 0.02;
         if let Some(normals) = &asset.normals {
-            smooth = smooth + loss::smoothness(normals.slopes.val()) * 0.02;
+            smooth = smooth + loss::smoothness(normals.slopes.val())? * 0.02;
         }
         let loss = errors.color * 40.0 + errors.silhouette * 10.0 + smooth;
         Ok(Evaluation::new(loss).with_value("PSNR", errors.psnr))

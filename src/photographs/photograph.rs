@@ -73,7 +73,7 @@ impl Photograph {
     }
 
     /// Checks that all lists have the size of the camera's image.
-    fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         let [width, height] = self.camera.size;
         let color = [self.color.width, self.color.height] == self.camera.size;
         let color = color && self.color.pixels.len() == 3 * width * height;

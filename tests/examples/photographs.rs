@@ -12,8 +12,8 @@ use super::photographs::{Arguments, Plan, run};
 
 const SET: &str = "tests/data/photographs";
 
-/// A short run, with a number of steps that does not depend on the machine: the shape, held-out views, and the base color
-/// in the file that it writes. It finds that the light stands in the world.
+/// A short run, with a number of steps that does not depend on the machine: the shape, held-out views, and the base
+/// color and roughness in the file that it writes. It finds that the light stands in the world.
 #[test]
 fn asset_of_the_ring() {
     let out = super::out("photographs");
@@ -60,7 +60,8 @@ fn asset_of_the_ring() {
     let [color, roughness] = surface_errors(&out.join("asset.glb"));
     println!("base color: {color}, roughness: {roughness}");
     assert!(color < 0.2, "{color}");
-    assert!(roughness < 0.15, "{roughness}");
+    // The best constant is 0.119 off.
+    assert!(roughness < 0.11, "{roughness}");
 }
 
 /// The errors of a file in held-out views: the root mean square error of the base color, over the truth's root mean square,

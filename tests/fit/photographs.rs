@@ -1,4 +1,4 @@
-//! What fits to photographs are made of: losses, exposures, and the network of surfaces.
+//! The parts of fits to photographs: the loss, exposures, and the network of surfaces.
 
 use crate::common::errors::{message, says};
 use crate::common::tensors::values;
@@ -84,22 +84,59 @@ fn errors_of_photographs_come_from_one_render_and_derivatives_from_the_other() {
 #[test]
 fn borders_and_brighter_renders_of_clipped_values_are_no_errors() {
     let device = Device::flex();
-    let color = |photograph: &Photograph, value: f32, opacity: [f32; 2]| {
+    let compare = |photograph: &Photograph, pixels: [f32; 2], opacity: [f32; 2]| {
         let loss = PhotographLoss::new(&[photograph], &device).expect("a loss");
-        let seen = image(gray(value, &device), opacity);
+        let radiance = Tensor::from_floats([[pixels.map(|v| [v; 3])]], &device);
+        let seen = image(radiance, opacity);
         let found = loss.forward(&seen, &seen, None).expect("errors");
         [values(&found.color)[0], values(&found.silhouette)[0]]
     };
+    let color = |photograph: &Photograph, value: f32, opacity: [f32; 2]| {
+        compare(photograph, [value; 2], opacity)
+    };
     let whole = color(&photograph(0.25, [1.0, 1.0]), 0.5, [1.0, 1.0])[0];
-    let [border, silhouette] = color(&photograph(0.25, [1.0, 0.5]), 0.5, [1.0, 1.0]);
+    let shown = photograph(0.25, [1.0, 0.5]);
+    let [border, silhouette] = compare(&shown, [0.5, 5.0], [1.0, 1.0]);
     assert!((border - whole).abs() < 1e-6, "{border} {whole}");
-    assert!((silhouette - 0.125 / 0.75).abs() < 1e-6, "{silhouette}");
+    assert!((silhouette - 0.25 / 1.5).abs() < 1e-6, "{silhouette}");
+    // Where the photograph shows nothing, the mask says nothing.
+    let mut beyond = photograph(0.25, [1.0, 0.0]);
+    beyond.weight[1] = 0.0;
+    let [hidden, silhouette] = compare(&beyond, [0.5, 5.0], [1.0, 1.0]);
+    assert!((hidden - whole).abs() < 1e-6, "{hidden} {whole}");
+    assert!(silhouette.abs() < 1e-6, "{silhouette}");
     assert_eq!(
         color(&photograph(0.25, [1.0, 1.0]), 0.5, [0.5, 0.5])[0],
         0.0
     );
     assert_eq!(color(&photograph(1.0, [1.0, 1.0]), 3.0, [1.0, 1.0])[0], 0.0);
     assert!(color(&photograph(1.0, [1.0, 1.0]), 0.5, [1.0, 1.0])[0] > 0.01);
+}
+
+#[test]
+fn silhouettes_have_the_derivative_of_their_square() {
+    let device = Device::flex().autodiff();
+    let shown = photograph(0.25, [1.0, 0.5]);
+    let loss = PhotographLoss::new(&[&shown], &device).expect("a loss");
+    let errors = image(gray(0.3, &device), [0.75, 1.0]);
+    let mut derived = image(gray(0.3, &device), [0.0, 0.0]);
+    let opacity = derived.opacity.take().expect("one").require_grad();
+    derived.opacity = Some(opacity.clone());
+    let found = loss.forward(&errors, &derived, None).expect("errors");
+    let gradients = found.silhouette.backward();
+    let found = values(&opacity.grad(&gradients).expect("a gradient"));
+    for (by, expected) in found.iter().zip([-0.5 / 1.5, 1.0 / 1.5]) {
+        assert!((by - expected).abs() < 1e-6, "{found:?}");
+    }
+}
+
+#[test]
+fn smoothness_is_that_of_both_axes() {
+    let map = Tensor::<3>::from_floats([[[0.0], [2.0]], [[1.0], [5.0]]], &Device::flex());
+    let found = loss::smoothness(map).expect("a loss");
+    assert_eq!(values(&found), [15.0]);
+    let empty = Tensor::<3>::zeros([0, 5, 3], &Device::flex());
+    says(message(loss::smoothness(empty).map(|_| ())), ["smoothness"]);
 }
 
 #[test]
@@ -148,7 +185,6 @@ fn exposures_have_a_product_of_one() {
 #[test]
 fn surfaces_of_a_color_are_learned_together() {
     let device = Device::flex().autodiff();
-    device.seed(3);
     let mut network = SurfaceNetworkConfig::new()
         .init(&device)
         .expect("a network");
@@ -171,7 +207,7 @@ fn surfaces_of_a_color_are_learned_together() {
             flat(numbers.map(place).collect()),
         )
     };
-    let (colors, places) = points(0, 8);
+    let (colors, places) = points(0, 24);
     let start = network
         .forward(colors.clone(), places.clone())
         .map(|t| values(&t));
@@ -185,9 +221,9 @@ fn surfaces_of_a_color_are_learned_together() {
         "{:?}",
         start[1]
     );
-    let target = |of: [f32; 2]| Tensor::<1>::from_floats([of; 4].concat().as_slice(), &device);
+    let target = |of: [f32; 2]| Tensor::<1>::from_floats([of; 12].concat().as_slice(), &device);
     let mut optimizer = AdamConfig::new().init();
-    for _ in 0..150 {
+    for _ in 0..200 {
         let [metallic, roughness] = network.forward(colors.clone(), places.clone());
         let error = (metallic - target([1.0, 0.0])).powi_scalar(2)
             + (roughness - target([0.3, 0.6])).powi_scalar(2);
@@ -195,7 +231,7 @@ fn surfaces_of_a_color_are_learned_together() {
         let gradients = GradientsParams::from_grads(gradients, &network);
         network = optimizer.step(0.01, network, gradients);
     }
-    let (colors, places) = points(20, 10);
+    let (colors, places) = points(40, 20);
     let [metallic, roughness] = network.forward(colors, places).map(|t| values(&t));
     for (i, (m, r)) in metallic.iter().zip(&roughness).enumerate() {
         let expected = if i.is_multiple_of(2) {

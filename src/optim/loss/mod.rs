@@ -98,18 +98,23 @@ pub fn l1<const D: usize>(image: Tensor<D>, target: Tensor<D>) -> Result<Tensor<
 /// use softray::loss;
 /// use softray::prelude::*;
 /// let map = Tensor::<3>::from_floats([[[0.0], [2.0]], [[0.0], [2.0]]], &Device::flex());
-/// assert_eq!(loss::smoothness(map).into_scalar::<f32>(), 4.0);
+/// assert_eq!(loss::smoothness(map)?.into_scalar::<f32>(), 4.0);
+/// # Ok::<(), softray::Error>(())
 /// ```
-pub fn smoothness(map: Tensor<3>) -> Tensor<1> {
+///
+/// # Errors
+/// If an axis has length 0.
+pub fn smoothness(map: Tensor<3>) -> Result<Tensor<1>> {
+    check_size("smoothness", &map)?;
     let along = |axis: usize| {
-        let length = map.dims()[axis].saturating_sub(1);
+        let length = map.dims()[axis] - 1;
         if length == 0 {
             return Tensor::zeros([1], (&map.device(), map.dtype()));
         }
         let step = map.clone().narrow(axis, 1, length) - map.clone().narrow(axis, 0, length);
         step.powi_scalar(2).mean()
     };
-    along(0) + along(1)
+    Ok(along(0) + along(1))
 }
 
 /// Returns images `[…, H, W, C]` as `[B, H, W, C]`. Fewer than three axes do not compile.

@@ -12,7 +12,7 @@ use crate::render::ImageBatch;
 const WHOLE: [f32; 2] = [0.99, 0.999];
 /// The linear value from which a channel of a photograph counts as clipped.
 const CLIPPED: f32 = 0.96;
-/// The least value at which the slope of the sRGB curve is taken: it is noise that is darker.
+/// The least value at which the slope of the sRGB curve is taken: darker values are mostly noise.
 const DARKEST: f64 = 0.02;
 /// The error of an sRGB value beyond which a pixel counts as an outlier.
 const OUTLIER: f64 = 0.2;
@@ -27,9 +27,9 @@ const OUTLIER: f64 = 0.2;
 ///
 /// # Noise
 /// The square of a noisy value is too large by its variance, so a fit by it prefers what has less noise: a matt surface to a
-/// glossy one. Here two independent renders are multiplied, as in [`mse_unbiased`](super::mse_unbiased): the errors come from a
-/// render without a tape, and only the derivatives from the other one. As a render without gradients costs a fraction of one
-/// with them, it has more samples.
+/// glossy one. Here two independent renders are multiplied, as in [`mse_unbiased`](super::mse_unbiased): the errors are the
+/// values of one render, which is detached, and gradients come from the other one. The first needs no backward pass, so it can
+/// have more samples. Noise does not bias the gradient where the loss is quadratic; it does for outliers and clipped channels.
 ///
 /// ```
 /// use softray::loss::PhotographLoss;
@@ -42,7 +42,7 @@ const OUTLIER: f64 = 0.2;
 /// let color = Tensor::<1>::from_floats([0.5, 0.5, 0.5], &device).require_grad();
 /// let ball = shapes::icosphere(2, &device).scaled(1.3);
 /// let ball = Object::new(ball).with_material(Material::diffuse(color));
-/// let scene = Scene::new().with_object(ball).with_environment([1.0; 3]);
+/// let scene = Scene::new().with_object(ball).with_environment([0.4; 3]);
 /// let camera = photographs[0].camera.to_camera()?;
 /// let batch = Batch::new(vec![scene], vec![camera])?;
 /// let options = RenderOptions::new(16, 16).with_bounces(0).with_opacity();
@@ -58,6 +58,8 @@ const OUTLIER: f64 = 0.2;
 pub struct PhotographLoss {
     color: Tensor<4>,
     mask: Tensor<3>,
+    /// The part of each pixel that a photograph shows.
+    weight: Tensor<3>,
     /// The weights of pixels `[N, H, W, 1]`: 0 where a photograph shows anything else.
     inside: Tensor<4>,
     slope: Tensor<4>,
@@ -70,9 +72,11 @@ pub struct PhotographLoss {
 pub struct PhotographErrors {
     /// The mean of ρ(e) over the channels that are compared, `[1]`; about e² for small errors.
     pub color: Tensor<1>,
-    /// The mean squared difference of opacity and mask, over the mean of the masks, `[1]`.
+    /// The mean squared difference of opacity and mask in the pixels that the photographs show, over the mean of the masks
+    /// there, `[1]`.
     pub silhouette: Tensor<1>,
-    /// −10 log₁₀ of the mean of e² in dB: about the PSNR of sRGB values inside of the masks, less for a noisy render.
+    /// −10 log₁₀ of the mean of e² in dB: about the PSNR of sRGB values inside of the masks, less for a noisy render. It is
+    /// infinite if no pixel is compared.
     pub psnr: f64,
 }
 
@@ -80,7 +84,8 @@ impl PhotographLoss {
     /// Puts N photographs of the same size on a device.
     ///
     /// # Errors
-    /// If there is none, sizes differ, or none of their pixels is inside of a mask.
+    /// If there is none, sizes differ, the lists of one are not those of its camera's image, or none of their pixels is inside
+    /// of a mask.
     pub fn new(photographs: &[&Photograph], device: &Device) -> Result<Self> {
         let device = &device.clone().inner();
         let size = photographs.first().map(|p| p.camera.size);
@@ -88,6 +93,7 @@ impl PhotographLoss {
         let same = size.is_some() && photographs.iter().all(|p| Some(p.camera.size) == size);
         let count = photographs.len();
         Error::unless(same, "photographs", "number", count, expected)?;
+        photographs.iter().try_for_each(|p| p.check())?;
         let [width, height] = size.unwrap_or_default();
         let of = |value: &dyn Fn(&Photograph) -> Vec<f32>| {
             let values: Vec<f32> = photographs.iter().flat_map(|p| value(p)).collect();
@@ -100,12 +106,11 @@ impl PhotographLoss {
                 .map(|(&m, &w)| if m > WHOLE[0] { w } else { 0.0 })
                 .collect()
         });
-        let any = photographs
-            .iter()
-            .any(|p| p.mask.iter().any(|&m| m > WHOLE[0]));
+        let any = host_values(&inside.clone().max())?.iter().any(|&w| w > 0.0);
         Error::unless(any, "photographs", "masks", "empty", "pixels of the object")?;
         Ok(Self {
             mask: of(&|p| p.mask.clone()).reshape([count, height, width]),
+            weight: of(&|p| p.weight.clone()).reshape([count, height, width]),
             inside: inside.reshape([count, height, width, 1]),
             slope: color
                 .clone()
@@ -119,8 +124,7 @@ impl PhotographLoss {
 
     /// Compares two independent renders (of other seeds) with opacities: `errors`, of which values alone are used, and
     /// `image`, of which derivatives alone are. `factors` `[N, 3]` multiply the radiance of each view, as those of
-    /// [`ExposureParams`](crate::modules::ExposureParams). The losses have the values of `errors`, and unbiased gradients of
-    /// squared errors.
+    /// [`ExposureParams`](crate::modules::ExposureParams). The losses have the values of `errors`.
     ///
     /// # Errors
     /// If a render has no opacity, or shapes or float types differ from those of the photographs.
@@ -133,7 +137,7 @@ impl PhotographLoss {
         let [count, ..] = self.color.dims();
         let ones = || Tensor::<2>::ones([count, 3], &image.radiance.device());
         let factors = factors.unwrap_or_else(ones);
-        check_pair("photographs", &factors, &ones().cast(factors.dtype()))?;
+        check_pair("photographs", &factors, &ones().cast(self.color.dtype()))?;
         let factors = factors.reshape([count, 1, 1, 3]);
         let shown = |image: &ImageBatch, factors: Tensor<4>| {
             check_pair("photographs", &image.radiance, &self.color)?;
@@ -164,12 +168,13 @@ impl PhotographLoss {
         let squared = host_values(&(error.powi_scalar(2) * weight).sum())?;
 
         let off = covered - self.mask.clone();
-        let scale = self.mask.clone().mean();
-        let pixels = off.dims().iter().product::<usize>() as f64;
-        let by_opacity = off.clone() / scale.clone().unsqueeze() * (2.0 / pixels);
+        let area = (self.mask.clone() * self.weight.clone()).sum();
+        let weight = self.weight.clone() / area.unsqueeze();
+        let by_opacity = off.clone() * weight.clone() * 2.0;
+        let silhouette = (off.powi_scalar(2) * weight).sum();
         Ok(PhotographErrors {
             color: with_gradient(value, color, slope),
-            silhouette: with_gradient(off.powi_scalar(2).mean() / scale, opacity, by_opacity),
+            silhouette: with_gradient(silhouette, opacity, by_opacity),
             psnr: -10.0 * squared.first().copied().map_or(f64::NAN, f64::from).log10(),
         })
     }
