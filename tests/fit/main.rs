@@ -17,6 +17,7 @@ mod module_files;
 mod module_gradients;
 mod modules;
 mod output;
+#[cfg(feature = "photographs")]
 mod photographs;
 mod point_clouds;
 mod run;

@@ -7,6 +7,7 @@
 //! All losses return a [`Result`]: tensors whose shapes or float types differ, that are empty, or settings out of
 //! their range are errors.
 
+#[cfg(all(feature = "photographs", not(target_family = "wasm")))]
 mod photographs;
 mod points;
 mod pyramid;
@@ -17,6 +18,7 @@ use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
 
+#[cfg(all(feature = "photographs", not(target_family = "wasm")))]
 pub use photographs::{PhotographErrors, PhotographLoss};
 pub use points::{chamfer, f_score};
 pub(crate) use pyramid::check_levels;
