@@ -47,14 +47,14 @@ impl Level {
 
 impl Asset {
     /// Metallic and roughness `[S, S]`. The base color enters the network without gradients.
-    pub fn surface(&self, level: &Level) -> [Tensor<2>; 2] {
+    pub fn surface(&self, level: &Level) -> Result<[Tensor<2>; 2]> {
         let [size, ..] = level.places.dims();
-        let colors = shrunk(self.base.texels().detach(), level.atlas.size / size);
+        let colors = shrunk(self.base.texels().detach(), level.atlas.size / size)?;
         let rows = |map: Tensor<3>| map.reshape([size * size, 3]);
         let outputs = self
             .surface
             .forward(rows(colors), rows(level.places.clone()));
-        outputs.map(|output| output.reshape([size, size]))
+        Ok(outputs.map(|output| output.reshape([size, size])))
     }
 
     /// The mesh with its material.
@@ -93,13 +93,9 @@ impl Asset {
     }
 }
 
-/// A map with means of `share` × `share` texels.
-pub fn shrunk(map: Tensor<3>, share: usize) -> Tensor<3> {
-    let [size, ..] = map.dims();
-    let size = size / share;
-    let blocks = map.reshape([size, share, size, share * 3]);
-    let rows = blocks.mean_dim(1).reshape([size * size, share, 3]);
-    rows.mean_dim(1).reshape([size, size, 3])
+/// A map with means of `share` × `share` texels, of which there are 1 or 4.
+pub fn shrunk(map: Tensor<3>, share: usize) -> Result<Tensor<3>> {
+    Ok(loss::pyramid(map.clone(), share)?.pop().unwrap_or(map))
 }
 
 /// The camera of a photograph: in the world, or in its own frame.

@@ -104,7 +104,7 @@ fn see(
         .with_samples(64)
         .with_bounces(bounces)
         .with_opacity();
-    let object = asset.object(level, asset.surface(level));
+    let object = asset.object(level, asset.surface(level)?);
     let batch = asset.batch(&object, level.world, &[view])?;
     let image = render_batch(&batch, &options)?;
     let opacity = image.opacity.expect("requested").squeeze_dim::<2>(0);
@@ -187,7 +187,7 @@ pub fn indirect(
 /// Writes the asset, its light, and pictures of it.
 pub fn write(asset: &Asset, level: &Level, set: &Set, out: &Path, device: &Device) -> Result<()> {
     let asset = &asset.valid();
-    let object = asset.object(level, asset.surface(level));
+    let object = asset.object(level, asset.surface(level)?);
     let mut own = object.clone();
     own.mesh = own
         .mesh

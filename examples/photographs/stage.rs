@@ -90,7 +90,7 @@ impl Stage {
         let places = Tensor::<1>::from_floats(places.as_slice(), device).reshape([side, side, 3]);
         let mut level = Level {
             faces: mesh.faces.clone(),
-            places: shrunk(places, share),
+            places: shrunk(places, share)?,
             atlas,
             still: None,
             world,
@@ -151,7 +151,7 @@ impl Stage {
         device: &Device,
     ) -> Result<Evaluation> {
         let shown: Vec<&Photograph> = views.iter().map(|&i| &self.views[i]).collect();
-        let surface = asset.surface(level);
+        let surface = asset.surface(level)?;
         let [metallic, roughness] = surface.clone();
         // Rough metal looks as paint does: paint is what most things have.
         let metal = (metallic * roughness).mean();

@@ -146,7 +146,7 @@ impl PhotographLoss {
             check_pair("photographs", &opacity, &self.mask)?;
             Ok((image.radiance.clone() * factors, opacity))
         };
-        let (seen, covered) = shown(errors, factors.clone())?;
+        let (seen, covered) = shown(errors, factors.clone().detach())?;
         let (seen, covered) = (seen.detach().inner(), covered.detach().inner());
         let (color, opacity) = shown(image, factors)?;
         let whole = covered.clone().greater_equal_elem(WHOLE[1]).float()
