@@ -12,6 +12,7 @@ mod lattice;
 mod mesh;
 mod parts;
 mod remesh;
+mod renew;
 mod repair;
 #[cfg(test)]
 mod samples;
@@ -26,6 +27,7 @@ pub use closest::closest_points;
 pub use hull::{HullOptions, Region, visual_hull};
 pub use mesh::{SurfacePoint, TriangleMesh};
 pub use remesh::{RemeshOptions, Remeshed, Sizing, remesh};
+pub use renew::renew;
 pub use repair::{RepairOptions, Repaired, repair};
 pub use silhouette::Silhouette;
 pub use smooth::{SmoothOptions, smooth};

@@ -8,7 +8,8 @@ use burn::tensor::Tensor;
 
 use super::{
     CameraParams, EnvironmentParams, ExposureParams, LensParams, MaterialParams, MeshOffsets,
-    MeshParams, NormalMapParams, RigidTransform, SurfaceNetwork, TextureParams, ViewpointParams,
+    MeshParams, NormalMapParams, RigidTransform, SurfaceNetwork, TextureParams, TexturedMeshParams,
+    ViewpointParams,
 };
 use crate::debug::{Text, parameter};
 
@@ -53,4 +54,4 @@ macro_rules! debug {
     )*};
 }
 
-debug!(CameraParams EnvironmentParams ExposureParams LensParams MaterialParams MeshOffsets MeshParams NormalMapParams RigidTransform SurfaceNetwork TextureParams ViewpointParams);
+debug!(CameraParams EnvironmentParams ExposureParams LensParams MaterialParams MeshOffsets MeshParams NormalMapParams RigidTransform SurfaceNetwork TextureParams TexturedMeshParams ViewpointParams);

@@ -4,8 +4,8 @@
 //! [`MeshOffsets`] into a mesh, [`RigidTransform`] into a transform, [`CameraParams`] into a camera, [`ViewpointParams`] into
 //! the cameras of photographs,
 //! [`TextureParams`] into a texture, [`NormalMapParams`] into a normal map, [`EnvironmentParams`] into an
-//! environment, [`MaterialParams`] into a material. [`SurfaceNetwork`] computes textures of materials, and [`ExposureParams`]
-//! are factors of photographs.
+//! environment, [`MaterialParams`] into a material. [`SurfaceNetwork`] computes textures of materials,
+//! [`TexturedMeshParams`] is an object with all of these, and [`ExposureParams`] are factors of photographs.
 //!
 //! # Rules
 //! - **Constructors**: a part is made from numbers by its configuration, `XConfig::new(…).with_y(…).init(&device)`,
@@ -87,6 +87,7 @@ mod renderer;
 mod store;
 mod surface;
 mod texture;
+mod textured;
 mod transform;
 mod values;
 mod viewpoints;
@@ -104,6 +105,7 @@ pub use texture::{
     EnvironmentParams, EnvironmentParamsConfig, NormalMapParams, NormalMapParamsConfig,
     TextureParams, TextureParamsConfig,
 };
+pub use textured::TexturedMeshParams;
 pub use transform::{RigidTransform, RigidTransformConfig, RotationForm};
 pub use values::cast;
 pub use viewpoints::ViewpointParams;

@@ -1,6 +1,8 @@
 //! Tools to optimize scenes: losses, measures for reports, mesh regularizers, points on meshes and blur schedules. The
 //! feature `fit` adds a loop that fits parameters, and large steps for meshes.
 
+#[cfg(all(feature = "photographs", not(target_family = "wasm")))]
+mod comparison;
 #[cfg(feature = "fit")]
 mod conjugate_gradient;
 mod connectivity;
@@ -15,6 +17,8 @@ mod nearest;
 mod samples;
 mod schedule;
 
+#[cfg(all(feature = "photographs", not(target_family = "wasm")))]
+pub use comparison::Comparison;
 #[cfg(feature = "fit")]
 pub use fit::{
     Evaluation, Fit, Fitted, History, LeastSquares, Part, Rate, Report, Residual, Row, Step, Stop,

@@ -1,10 +1,11 @@
 //! The camera of a photograph.
 
+use burn::tensor::{Device, Tensor};
 use glam::{DMat3, DVec3};
 
 use super::Distortion;
 use crate::error::{Error, Result};
-use crate::scene::{Camera, Projection};
+use crate::scene::{Camera, Projection, Transform};
 
 /// The camera of a photograph: its pose, the matrix K and the distortion of its lens.
 ///
@@ -138,8 +139,23 @@ impl ViewCamera {
         }
     }
 
-    /// Returns the camera in its own frame: at the origin, looking along −z with y up. A scene that is moved by
-    /// [`ViewCamera::from_world`] looks the same from it, in a light that turns with the camera.
+    /// The width of a pixel at a point of the scene, in scene units.
+    pub fn pixel_width(&self, point: [f64; 3]) -> f64 {
+        DVec3::from(self.position()).distance(point.into()) / self.focal[0]
+    }
+
+    /// Returns the motion from the world to the camera's own frame ([`ViewCamera::in_own_frame`]).
+    pub fn world_to_own_frame(&self, device: &Device) -> Transform {
+        let m = self.from_world();
+        let column = |j: usize| [0, 1, 2].map(|i| m[i][j] as f32);
+        let columns = [column(0), column(1)].concat();
+        Transform::new()
+            .with_six_d(Tensor::from_floats(columns.as_slice(), device))
+            .with_translation(Tensor::from_floats(column(3), device))
+    }
+
+    /// Returns the camera in its own frame: at the origin, looking along −z with y up. A mesh that is moved by
+    /// [`ViewCamera::world_to_own_frame`] looks the same from it, in a light that turns with the camera.
     pub fn in_own_frame(&self) -> Self {
         let axis = |i: usize| [0, 1, 2, 3].map(|j| if i == j { 1.0 } else { 0.0 });
         Self {

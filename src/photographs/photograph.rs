@@ -72,6 +72,13 @@ impl Photograph {
         }
     }
 
+    /// The mean linear color of the object, of a photograph whose color is 0 beside it.
+    pub fn mean_color(&self) -> [f64; 3] {
+        let shown: f64 = self.mask.iter().map(|&m| f64::from(m)).sum();
+        let factor = self.mask.len() as f64 / shown.max(f64::MIN_POSITIVE);
+        self.color.mean().map(|c| c * factor)
+    }
+
     /// Checks that all lists have the size of the camera's image.
     pub(crate) fn check(&self) -> Result<()> {
         let [width, height] = self.camera.size;

@@ -38,6 +38,14 @@ impl Region {
         }
     }
 
+    /// Moves and scales the world so that the ball becomes the unit ball about the origin: changes the poses of photographs.
+    pub fn make_unit<'a>(&self, photographs: impl IntoIterator<Item = &'a mut Photograph>) {
+        for photograph in photographs {
+            let rows = photograph.camera.to_world.iter_mut().zip(self.center);
+            rows.for_each(|(row, center)| row[3] = (row[3] - center) / self.radius);
+        }
+    }
+
     /// Returns the region of points. The center is their median, and 98 % of them are in the ball and, along each axis,
     /// in the box: a few points of a reconstruction lie far away.
     ///

@@ -9,6 +9,7 @@ use super::parameter::{Range, without_tape};
 use super::transform::Mistake;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
+use crate::meshing::TriangleMesh;
 
 /// A triangle mesh. Faces share vertices: a gradient step on a vertex moves every face at it.
 #[derive(Clone)]
@@ -30,6 +31,15 @@ pub struct Mesh {
     pub tangents: Option<CornerAttribute>,
     /// The first mistake in building the mesh. A render returns it as an error.
     pub(crate) mistake: Option<Mistake>,
+}
+
+impl TryFrom<&Mesh> for TriangleMesh {
+    type Error = Error;
+
+    /// Reads the vertices back to the host, and checks the mesh as [`TriangleMesh::check`] does.
+    fn try_from(mesh: &Mesh) -> Result<Self> {
+        Self::new(mesh.host_vertices()?, mesh.faces.to_vec())
+    }
 }
 
 impl Mesh {

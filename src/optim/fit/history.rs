@@ -124,6 +124,14 @@ impl History {
         figure.with_plot(over_steps("blur", "blur"))
     }
 
+    /// The means of the evaluations' values over the last steps.
+    pub(super) fn recent(&self, steps: usize) -> Vec<(&str, f64)> {
+        let rows = &self.rows[self.rows.len().saturating_sub(steps)..];
+        let mean = |k: usize| rows.iter().map(|r| r.values[k]).sum::<f64>() / rows.len() as f64;
+        let names = self.names.iter().enumerate();
+        names.map(|(k, name)| (name.as_str(), mean(k))).collect()
+    }
+
     /// Adds a step with the values of its evaluation.
     pub(super) fn push(&mut self, values: Vec<(String, f64)>, mut row: Row) -> Result<()> {
         let (names, values): (Vec<String>, _) = values.into_iter().unzip();

@@ -233,7 +233,8 @@ impl<M: Module> Fit<M> {
     ///
     /// A terminal shows a bar. Otherwise the fit writes lines: one at the first step, at most one every ten
     /// seconds, and one at the last step. A line is
-    /// `fit: step 40/200, loss 1.200e-3, blur 2.0e-2, 12 s, about 48 s left`.
+    /// `fit: step 40/200, loss 1.200e-3, blur 2.0e-2, PSNR 27.1, 12 s, about 48 s left`; the evaluations' values are means
+    /// over ten steps.
     /// Warnings appear there too, with or without progress, if no logger is installed
     /// ([`show_warnings`](crate::show_warnings)). To show the state of a fit differently, use `with_progress(false)` and
     /// [`Fit::on_step`].

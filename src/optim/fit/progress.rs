@@ -5,11 +5,13 @@ use std::io::Write;
 use indicatif::{ProgressBar, ProgressStyle};
 use web_time::{Duration, Instant};
 
-use super::{Stop, Warning};
+use super::{History, Row, Stop, Warning};
 use crate::warnings::warn;
 
 /// The least time between lines.
 const PAUSE: Duration = Duration::from_secs(10);
+/// The number of steps of whose values the mean is shown.
+const WINDOW: usize = 10;
 const TEMPLATE: &str = "fitting {bar:40} {pos}/{len} [{elapsed} < {eta}] {msg}";
 
 pub(super) struct Progress {
@@ -31,11 +33,11 @@ enum Shown {
 }
 
 /// The last step that was taken.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Latest {
     done: usize,
-    loss: f64,
-    blur: Option<f64>,
+    /// The loss, the blur and the evaluation's values.
+    state: String,
 }
 
 impl Progress {
@@ -69,26 +71,31 @@ impl Progress {
         }
     }
 
-    /// Shows the state after `done` steps.
-    pub fn step(&mut self, done: usize, loss: f64, blur: Option<f64>) {
-        let latest = Latest { done, loss, blur };
-        self.latest = Some(latest);
+    /// Shows the state after the last step of a history.
+    pub fn step(&mut self, history: &History) {
+        let Some(row) = history.rows.last() else {
+            return;
+        };
+        let (done, state) = (row.step + 1, state(row, &history.recent(WINDOW)));
         match &mut self.shown {
             Shown::Nothing => {}
             Shown::Bar(bar) => {
-                bar.set_message(state(loss, blur));
+                bar.set_message(state.clone());
                 bar.set_position(done as u64);
             }
-            Shown::Lines(Some((last, _))) if last.elapsed() < PAUSE => {}
             Shown::Lines(last) => {
-                *last = Some((Instant::now(), done));
-                write_line(&self.line(latest));
+                let latest = Latest { done, state };
+                if last.is_none_or(|(last, _)| last.elapsed() >= PAUSE) {
+                    *last = Some((Instant::now(), done));
+                    write_line(&line(
+                        &latest,
+                        (self.before, self.steps),
+                        self.start.elapsed(),
+                    ));
+                }
+                self.latest = Some(latest);
             }
         }
-    }
-
-    fn line(&self, latest: Latest) -> String {
-        line(latest, (self.before, self.steps), self.start.elapsed())
     }
 
     /// Ends the display. If lines are written, the last line gives the reason for an early end.
@@ -98,12 +105,13 @@ impl Progress {
             Stop::Early => "; it ends, since the loss has stopped falling",
             Stop::Callback => "; it ends, as the callback asked",
         };
-        match (&self.shown, self.latest) {
+        match (&self.shown, &self.latest) {
             (Shown::Bar(bar), _) => bar.finish_and_clear(),
             (Shown::Lines(last), Some(latest)) => {
                 let written = last.is_some_and(|(_, done)| done == latest.done);
                 if !written || stop != Stop::Steps {
-                    write_line(&(self.line(latest) + why));
+                    let text = line(latest, (self.before, self.steps), self.start.elapsed());
+                    write_line(&(text + why));
                 }
             }
             _ => {}
@@ -127,22 +135,26 @@ fn write_line(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-fn state(loss: f64, blur: Option<f64>) -> String {
-    match blur {
-        Some(blur) => format!("loss {loss:.3e}, blur {blur:.1e}"),
-        None => format!("loss {loss:.3e}"),
+/// Returns the loss, the blur and values: `loss 1.234e-3, blur 2.0e-2, PSNR 27.1`.
+fn state(row: &Row, values: &[(&str, f64)]) -> String {
+    let mut text = format!("loss {:.3e}", row.loss);
+    if let Some(blur) = row.blur {
+        text += &format!(", blur {blur:.1e}");
     }
+    for (name, value) in values {
+        text += &match value.abs() {
+            0.1..1e4 => format!(", {name} {value:.1}"),
+            _ => format!(", {name} {value:.1e}"),
+        };
+    }
+    text
 }
 
 /// Returns the line of a step: `fit: step 40/200, loss 1.234e-3, blur 2.0e-2, 12 s, about 48 s left`.
-fn line(latest: Latest, (before, steps): (usize, usize), elapsed: Duration) -> String {
-    let Latest { done, loss, blur } = latest;
-    let mut text = format!(
-        "fit: step {done}/{steps}, {}, {}",
-        state(loss, blur),
-        time(elapsed)
-    );
-    let (taken, left) = (done - before, steps.saturating_sub(done));
+fn line(latest: &Latest, (before, steps): (usize, usize), elapsed: Duration) -> String {
+    let Latest { done, state } = latest;
+    let mut text = format!("fit: step {done}/{steps}, {state}, {}", time(elapsed));
+    let (taken, left) = (done - before, steps.saturating_sub(*done));
     if taken > 0 && left > 0 {
         let left = elapsed.mul_f64(left as f64 / taken as f64);
         text += &format!(", about {} left", time(left));
@@ -169,26 +181,32 @@ mod tests {
 
     #[test]
     fn lines_say_how_far_it_is() {
-        let at = |done, before, blur, seconds| {
-            let latest = Latest {
-                done,
+        let at = |done, before, blur, seconds, values: &[(&str, f64)]| {
+            let row = Row {
+                step: done - 1,
                 loss: 1.2e-3,
+                gradient_norm: 1.0,
+                rate: 0.1,
                 blur,
+                seconds,
+                values: Vec::new(),
             };
-            line(latest, (before, 200), Duration::from_secs_f64(seconds))
+            let state = state(&row, values);
+            let latest = Latest { done, state };
+            line(&latest, (before, 200), Duration::from_secs_f64(seconds))
         };
         assert_eq!(
-            at(40, 0, Some(0.02), 12.0),
+            at(40, 0, Some(0.02), 12.0, &[]),
             "fit: step 40/200, loss 1.200e-3, blur 2.0e-2, 12 s, about 48 s left"
         );
         // Steps taken before a resumption do not count towards the time.
         assert_eq!(
-            at(150, 100, None, 100.0),
+            at(150, 100, None, 100.0, &[]),
             "fit: step 150/200, loss 1.200e-3, 1 min 40 s, about 1 min 40 s left"
         );
         assert_eq!(
-            at(200, 0, None, 7300.0),
-            "fit: step 200/200, loss 1.200e-3, 2 h 1 min"
+            at(200, 0, None, 7300.0, &[("PSNR", 27.12), ("error", 1e-4)]),
+            "fit: step 200/200, loss 1.200e-3, PSNR 27.1, error 1.0e-4, 2 h 1 min"
         );
         assert_eq!(time(Duration::from_millis(340)), "0.3 s");
     }

@@ -261,7 +261,7 @@ impl<M: Module> Run<M> {
         let rates = self.fit.rates_at(index);
         self.fit.module = self.fit.optimizer.step(rates, self.fit.module, gradients);
         observe(&mut self.fit.blur, loss);
-        self.progress.step(index + 1, loss, step.blur);
+        self.progress.step(&self.history);
         let (window, last) = (self.window, self.plateaus.last().copied());
         if self.history.is_flat(index + 1, window, last) {
             self.plateaus.push(index);
