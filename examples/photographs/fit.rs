@@ -9,7 +9,8 @@ use softray::Result;
 use softray::loss::PhotographLoss;
 use softray::meshing::TriangleMesh;
 use softray::modules::{
-    EnvironmentParamsConfig, ExposureParams, ExposureParamsConfig, TexturedMeshParams,
+    EnvironmentParamsConfig, ExposureParams, ExposureParamsConfig, SurfaceNetworkConfig,
+    TexturedMeshParams,
 };
 use softray::optim::{Comparison, LargeSteps, LargeStepsConfig, Step};
 use softray::photographs::{Batches, Photograph, crop_to_masks};
@@ -52,10 +53,8 @@ impl Asset {
 }
 
 pub struct Stage {
-    /// The longest side of photographs, in pixels.
-    pub size: usize,
-    /// Whether it is the last one, which leaves the mesh as it is.
-    last: bool,
+    /// Whether the mesh stays as it is.
+    still: bool,
     /// Whether it is a first one. It finds the light, which is hard to tell from the base color: it takes larger steps with
     /// less noise.
     first: bool,
@@ -66,7 +65,7 @@ pub struct Stage {
 }
 
 impl Stage {
-    pub fn new(train: &[Photograph], size: usize, last: bool, bounces: u32) -> Result<Self> {
+    pub fn new(train: &[Photograph], size: usize, still: bool, bounces: u32) -> Result<Self> {
         let shrunk = train
             .iter()
             .map(|p| p.shrunk(size))
@@ -76,8 +75,7 @@ impl Stage {
         let first = size < 64;
         let widths = views.iter().map(|p| p.camera.pixel_width([0.0; 3]));
         Ok(Self {
-            size,
-            last,
+            still,
             first,
             pixel: widths.sum::<f64>() / views.len() as f64,
             options: RenderOptions::new(width, height)
@@ -98,7 +96,13 @@ impl Stage {
         self.pixel / 1.5
     }
 
-    /// The start of the first level. The mean base color is 0.5, and colors are what white light would show.
+    /// About eight of the photographs.
+    pub fn few(&self) -> Vec<Photograph> {
+        let step = self.views.len().div_ceil(8);
+        self.views.iter().step_by(step).cloned().collect()
+    }
+
+    /// A start of the first level. The mean base color is 0.5, and colors are what white light would show.
     pub fn begin(&self, mesh: &TriangleMesh, world: bool, device: &Device) -> Result<Asset> {
         let device = device.clone().autodiff();
         let count = self.views.len();
@@ -107,8 +111,9 @@ impl Stage {
             [0, 1, 2].map(|c| colors.iter().map(|color| color[c]).sum::<f64>() / count as f64);
         let light = color.iter().sum::<f64>() / 3.0 / 0.5;
         let color = color.map(|c| (c / light).min(0.95));
+        let network = SurfaceNetworkConfig::new().init(&device)?;
         Ok(Asset {
-            object: TexturedMeshParams::from_mesh(mesh, self.texel(), color, &device)?,
+            object: TexturedMeshParams::from_mesh(mesh, self.texel(), color, network, &device)?,
             sky: EnvironmentParamsConfig::new(16, 32)
                 .with_radiance([light; 3])
                 .init(&device)?,
@@ -121,12 +126,12 @@ impl Stage {
     pub fn refine(&self, before: Asset, mesh: &TriangleMesh) -> Result<Asset> {
         let object = before.object.remeshed(mesh, self.texel())?;
         Ok(Asset {
-            object: if self.last {
+            object: if self.still {
                 object.with_normal_map()?
             } else {
                 object
             },
-            sky: before.sky.resized(if self.last { 32 } else { 16 })?,
+            sky: before.sky.resized(if self.still { 32 } else { 16 })?,
             ..before
         })
     }
@@ -179,17 +184,21 @@ impl Stage {
         let falling = |rate: f64| Rate::exponential(rate, 0.2 * rate);
         let mut fit = Fit::new(asset, optimizer, steps)
             .with_rate(falling(0.003))
-            .with_rate_of(group("object.base_color.logit_texels"), falling(0.2))
+            .with_rate_of(group("object.base_color.logit_texels"), falling(0.4))
             .with_rate_of(
                 group("object.mesh.vertices"),
-                Rate::exponential(0.09, 0.004),
+                if self.first {
+                    Rate::exponential(0.09, 0.004)
+                } else {
+                    Rate::exponential(0.03, 0.003)
+                },
             )
             .with_rate_of(
                 group("sky.log_radiance"),
                 falling(if self.first { 0.4 } else { 0.2 }),
             )
             .with_progress(checkpoints.is_some());
-        if self.last {
+        if self.still {
             fit = fit.with_rate_of(group("object.normal_map.slopes"), Rate::constant(0.004));
         }
         if let Some(folder) = checkpoints {

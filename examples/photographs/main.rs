@@ -97,52 +97,39 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
         set.held.len()
     ))?;
 
-    let levels = (size / 32).max(1).ilog2() as usize + 1;
+    let mut sizes: Vec<usize> = (0..).map(|k| size >> k).take_while(|&s| s >= 32).collect();
+    sizes.reverse();
+    let first = sizes.first().copied().unwrap_or(size);
+    sizes.push(size);
     let mut asset: Option<Asset> = None;
-    for index in 0..levels {
-        let last = index + 1 == levels;
-        let bounces = if index == 0 {
+    for (index, &size) in sizes.iter().enumerate() {
+        let bounces = if size == first {
             0
         } else {
             plan.bounces.unwrap_or(0)
         };
-        let stage = Stage::new(&set.train, size >> (levels - 1 - index), last, bounces)?;
+        let stage = Stage::new(&set.train, size, index + 1 == sizes.len(), bounces)?;
         mesh = renew(&mesh, stage.edge())?;
-        let few: Vec<_> = stage
-            .views
-            .iter()
-            .step_by(stage.views.len().div_ceil(8))
-            .cloned()
-            .collect();
-        if plan.world.is_none() {
-            // A short fit with either kind of light shows which of both explains the photographs better.
-            let mut psnr = [0.0; 2];
-            for (psnr, world) in psnr.iter_mut().zip([false, true]) {
-                let trial = stage.fit(stage.begin(&mesh, world, &device)?, 50, None)?;
-                *psnr = trial.compare(&few, 0)?.psnr_linear;
-            }
-            plan.world = Some(psnr[1] >= psnr[0]);
-            plan.write(&arguments)?;
-        }
         let start = match asset {
-            None => stage.begin(&mesh, plan.world == Some(true), &device)?,
+            None => begin(&stage, &mesh, &mut plan, &device)?,
             Some(asset) => stage.refine(asset, &mesh)?,
         };
         if plan.steps.len() <= index {
-            // A level has a share of the time that is left.
-            let left = minutes * 60.0 - clock.elapsed().as_secs_f64();
-            let seconds = left * if last { 0.9 } else { 0.25 };
-            plan.steps.push(stage.steps_in(seconds, &start)?);
+            // Finer levels have more of the time that is left.
+            let left = 58.0 * minutes - clock.elapsed().as_secs_f64();
+            let weights = sizes[index..].iter().map(|s| s + 32);
+            let share = (size + 32) as f64 / weights.sum::<usize>() as f64;
+            plan.steps.push(stage.steps_in(share * left, &start)?);
             plan.write(&arguments)?;
         }
-        let checkpoints = arguments.out.join("steps").join(stage.size.to_string());
+        let checkpoints = arguments.out.join("steps").join(index.to_string());
         let fitted = stage.fit(start, plan.steps[index], Some(checkpoints))?;
         mesh = fitted.object.triangle_mesh()?;
-        let held = set.held.iter().map(|p| p.shrunk(stage.size));
+        let held = set.held.iter().map(|p| p.shrunk(size));
         log.level(&fitted, &held.collect::<Result<Vec<_>>>()?, bounces)?;
         if plan.bounces.is_none() {
             let brightness = |bounces| -> Result<f64> {
-                let images = fitted.compare(&few, bounces)?.images;
+                let images = fitted.compare(&stage.few(), bounces)?.images;
                 Ok(images.iter().flat_map(HostImage::mean).sum())
             };
             let brighter = brightness(1)? / brightness(0)? - 1.0;
@@ -155,6 +142,26 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
     let asset = asset.ok_or("no level")?;
     results::write(&asset, &set, &arguments.out)?;
     log.finish(&mesh, asset.world)
+}
+
+/// The start of the first level: the better one of short fits with a light that stands in the world, and that turns with the
+/// camera.
+fn begin(stage: &Stage, mesh: &TriangleMesh, plan: &mut Plan, device: &Device) -> Result<Asset> {
+    let attempt = |world: bool| -> Result<(f64, Asset)> {
+        let asset = stage.fit(stage.begin(mesh, world, device)?, 50, None)?;
+        Ok((asset.compare(&stage.few(), 0)?.psnr_srgb, asset))
+    };
+    if let Some(world) = plan.world {
+        return Ok(attempt(world)?.1);
+    }
+    let (standing, turning) = (attempt(true)?, attempt(false)?);
+    let (_, asset) = if turning.0 > standing.0 {
+        turning
+    } else {
+        standing
+    };
+    plan.world = Some(asset.world);
+    Ok(asset)
 }
 
 impl Plan {

@@ -14,7 +14,7 @@ const GAIN: f64 = 3.0;
 /// The least roughness: a smoother surface would show more of the light than a map of it has.
 const LEAST: f64 = 0.1;
 
-/// The configuration of a [`SurfaceNetwork`], which starts near smooth paint everywhere.
+/// The configuration of a [`SurfaceNetwork`], which starts between paint and metal everywhere.
 #[derive(Config, Debug)]
 pub struct SurfaceNetworkConfig {
     /// The number of neurons of a layer.
@@ -24,7 +24,7 @@ pub struct SurfaceNetworkConfig {
     #[config(default = 2)]
     pub octaves: usize,
     /// The metallic share about which it starts, in (0, 1).
-    #[config(default = 0.05)]
+    #[config(default = 0.5)]
     pub metallic: f64,
     /// The roughness about which it starts, in (0.1, 1).
     #[config(default = 0.34)]

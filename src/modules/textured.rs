@@ -4,10 +4,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
 use super::values::leaf;
-use super::{
-    MeshParams, NormalMapParams, NormalMapParamsConfig, SurfaceNetwork, SurfaceNetworkConfig,
-    TextureParams,
-};
+use super::{MeshParams, NormalMapParams, NormalMapParamsConfig, SurfaceNetwork, TextureParams};
 use crate::atlas::{Atlas, AtlasOptions, Textured, transfer};
 use crate::error::{Error, Result};
 use crate::io::HostImage;
@@ -28,11 +25,12 @@ const FINE: usize = 160;
 ///
 /// ```
 /// use softray::meshing::TriangleMesh;
-/// use softray::modules::TexturedMeshParams;
+/// use softray::modules::{SurfaceNetworkConfig, TexturedMeshParams};
 /// use softray::prelude::*;
-/// let device = Device::flex();
-/// let ball = TriangleMesh::try_from(&shapes::icosphere(2, &device))?;
-/// let coarse = TexturedMeshParams::from_mesh(&ball, 0.1, [0.5; 3], &device.autodiff())?;
+/// let device = Device::flex().autodiff();
+/// let ball = TriangleMesh::try_from(&shapes::icosphere(2, &Device::flex()))?;
+/// let network = SurfaceNetworkConfig::new().init(&device)?;
+/// let coarse = TexturedMeshParams::from_mesh(&ball, 0.1, [0.5; 3], network, &device)?;
 /// // After a fit: a finer mesh near the first, with texels of half the size.
 /// let finer = TriangleMesh::try_from(&shapes::icosphere(3, &Device::flex()))?;
 /// let fine = coarse.remeshed(&finer, 0.05)?;
@@ -58,8 +56,8 @@ pub struct TexturedMeshParams {
 }
 
 impl TexturedMeshParams {
-    /// Creates parameters for a mesh, with an atlas whose texels are about `texel` scene units wide on the surface, and a
-    /// base color. The network sees positions, so the mesh has about the size of the unit ball.
+    /// Creates parameters for a mesh, with an atlas whose texels are about `texel` scene units wide on the surface, a base
+    /// color, and a network. The network sees positions, so the mesh has about the size of the unit ball.
     ///
     /// # Errors
     /// If the mesh is not valid, a color is outside of [0, 1], or `texel` is not positive or so small that the atlas would
@@ -68,12 +66,12 @@ impl TexturedMeshParams {
         mesh: &TriangleMesh,
         texel: f64,
         color: [f64; 3],
+        surface: SurfaceNetwork,
         device: &Device,
     ) -> Result<Self> {
         let (atlas, block) = layout(mesh, texel)?;
         let side = atlas.size;
         let color = leaf(color.repeat(side * side), [side, side, 3], device).val();
-        let surface = SurfaceNetworkConfig::new().init(device)?;
         let base_color = TextureParams::from_image(&color, device)?;
         Self::of(mesh, atlas, block, base_color, surface, device)
     }
@@ -230,4 +228,77 @@ fn layout(mesh: &TriangleMesh, texel: f64) -> Result<(Atlas, usize)> {
 /// A map of the means of blocks with 1 or 2 texels along a side.
 fn means(map: Tensor<3>, block: usize) -> Result<Tensor<3>> {
     Ok(loss::pyramid(map.clone(), block)?.pop().unwrap_or(map))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::host_values;
+    use crate::modules::SurfaceNetworkConfig;
+    use crate::render::{RenderOptions, render};
+    use crate::scene::{Camera, Scene, shapes};
+
+    fn ball(subdivisions: u32) -> Result<TriangleMesh> {
+        TriangleMesh::try_from(&shapes::icosphere(subdivisions, &Device::flex()))
+    }
+
+    /// Colors that depend on the position stay there on a finer mesh with another atlas, and the network stays.
+    #[test]
+    fn colors_stay_where_they_are() -> Result<()> {
+        let device = Device::flex().autodiff();
+        let network = SurfaceNetworkConfig::new().init(&device)?;
+        let of = |texel| {
+            TexturedMeshParams::from_mesh(&ball(2)?, texel, [0.5; 3], network.clone(), &device)
+        };
+        let mut coarse = of(0.06)?;
+        let color = |points: &Tensor<3>| points.clone() * 0.4 + 0.5;
+        coarse.base_color = TextureParams::from_image(&color(&coarse.points), &device)?;
+        let fine = coarse.remeshed(&ball(3)?, 0.04)?;
+        let [found, expected] = [fine.base_color.texels(), color(&fine.points).autodiff()];
+        assert_ne!(found.dims(), coarse.points.dims());
+        let off = host_values(&(found - expected).abs())?;
+        let far = off.iter().filter(|&&d| d > 0.03).count();
+        assert!(far * 100 < off.len(), "{far} of {}", off.len());
+        assert_eq!(
+            host_values(&fine.surface.last.weight.val())?,
+            host_values(&coarse.surface.last.weight.val())?
+        );
+        assert!(of(0.0).is_err());
+        Ok(())
+    }
+
+    /// All parameters get gradients; with a normal map, it does and the vertices do not.
+    #[test]
+    fn what_is_trained() -> Result<()> {
+        let device = Device::flex().autodiff();
+        let network = SurfaceNetworkConfig::new().init(&device)?;
+        let moving = TexturedMeshParams::from_mesh(&ball(1)?, 0.2, [0.5; 3], network, &device)?;
+        let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
+        let sky = shapes::icosphere(0, &Device::flex())
+            .vertices
+            .slice([0..8, 0..3]);
+        let sky = crate::scene::Environment::map(sky.abs().reshape([2, 4, 3]));
+        let options = RenderOptions::new(12, 12).with_samples(4).with_bounces(0);
+        let gradients = |asset: &TexturedMeshParams| -> Result<_> {
+            let scene = Scene::new().with_object(asset.object()?);
+            let scene = scene.with_environment(sky.clone());
+            let image = render(&scene, &camera, &options)?.radiance;
+            Ok(image.powi_scalar(2).sum().backward())
+        };
+        let found = gradients(&moving)?;
+        let any = |g: Option<Vec<f64>>| g.is_some_and(|g| g.iter().any(|&x| x != 0.0));
+        let values = |t: Option<Tensor<2>>| t.map(|t| host_values(&t)).transpose();
+        let texels = moving.base_color.logit_texels.val().grad(&found);
+        assert!(any(values(moving.mesh.vertices.val().grad(&found))?));
+        assert!(any(values(moving.surface.last.weight.val().grad(&found))?));
+        assert!(any(values(texels.map(|t| t.flatten(0, 1)))?));
+
+        let still = moving.with_normal_map()?;
+        let found = gradients(&still)?;
+        assert!(still.mesh.vertices.val().grad(&found).is_none());
+        let slopes = still.normal_map.as_ref().map(|map| map.slopes.val());
+        let slopes = slopes.and_then(|slopes| slopes.grad(&found));
+        assert!(any(values(slopes.map(|t| t.flatten(0, 1)))?));
+        Ok(())
+    }
 }

@@ -99,7 +99,7 @@ impl Comparison {
 }
 
 /// A render of the objects before black, and their opacity. What is seen beside them is subtracted; it is that of a scene whose
-/// only object is behind the camera and too small to reflect anything.
+/// only object is too small to be seen.
 fn foreground(
     mut scene: Scene,
     mut camera: Camera,
@@ -109,9 +109,8 @@ fn foreground(
     visit_camera(&mut camera, &mut Detach);
     let image = render(&scene, &camera, options)?;
     let opacity = image.opacity.expect("requested");
-    let [eye, target] = [camera.eye.values()?, camera.target.values()?];
     let dot = shapes::cube(&opacity.device()).scaled(1e-6);
-    let dot = dot.translated([0, 1, 2].map(|i| 2.0 * eye[i] - target[i]));
+    let dot = dot.translated(camera.target.values()?);
     scene.objects = vec![Object::new(dot)].into();
     let beside = render(&scene, &camera, options)?.radiance;
     let beside = beside * (opacity.clone().neg() + 1.0).unsqueeze_dim(2);

@@ -23,7 +23,7 @@ fn asset_of_the_ring() {
         size: 64,
         world: None,
         bounces: None,
-        steps: vec![150, 80],
+        steps: vec![100, 60, 60],
     };
     let text = serde_json::to_string(&plan).expect("numbers");
     fs::write(out.join("plan.json"), text).expect("a file");
@@ -41,7 +41,7 @@ fn asset_of_the_ring() {
         "{text}"
     );
     assert_eq!(mesh["crossings"], 0, "{text}");
-    let last = &numbers["levels"][1];
+    let last = &numbers["levels"][2];
     let at_least = |name: &str, limit: f64| {
         let value = last[name].as_f64().expect("a number");
         assert!(value > limit, "{name}: {value}");

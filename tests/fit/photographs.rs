@@ -5,7 +5,8 @@ use crate::common::tensors::values;
 use burn::optim::{AdamConfig, GradientsParams};
 use softray::loss::PhotographLoss;
 use softray::modules::{ExposureParamsConfig, SurfaceNetworkConfig};
-use softray::photographs::{Photograph, PhotographOptions, Photographs};
+use softray::optim::Comparison;
+use softray::photographs::{Photograph, PhotographOptions, Photographs, Region};
 use softray::prelude::*;
 
 /// Two pixels of one color, beside each other.
@@ -249,4 +250,118 @@ fn surfaces_of_a_color_are_learned_together() {
             .map(|_| ()),
     );
     says(&error, ["surface network", "roughness"]);
+}
+
+/// A photograph of a scene of one ball, from a camera of the shipped set, and the scene.
+fn photograph_of_ball() -> (Photograph, Scene) {
+    let set = Photographs::open("tests/data/photographs").expect("the set");
+    let options = PhotographOptions::new().with_longest_side(24);
+    let loaded = set.load(&[3], &options).expect("a photograph");
+    let mut photograph = loaded.photographs[0].clone();
+    let device = Device::flex();
+    let ball =
+        Object::new(shapes::icosphere(3, &device)).with_material(Material::diffuse([0.6; 3]));
+    let scene = Scene::new()
+        .with_object(ball)
+        .with_environment([0.9, 0.7, 0.5]);
+    let options = RenderOptions::new(24, 24)
+        .with_samples(256)
+        .with_bounces(0)
+        .with_opacity();
+    let camera = photograph.camera.to_camera().expect("a camera");
+    let image = render(&scene, &camera, &options.with_seed(5)).expect("an image");
+    let opacity = image.opacity.expect("requested");
+    let object = image.radiance * opacity.clone().unsqueeze_dim(2);
+    photograph.color = HostImage::from_tensor(&object).expect("an image");
+    photograph.mask = values(&opacity).iter().map(|&v| v as f32).collect();
+    (photograph, scene)
+}
+
+/// A scene agrees with its own photograph, whatever its environment shows beside it; and a scene that has moved does not.
+#[test]
+fn comparisons_see_the_object_alone() {
+    let (photograph, scene) = photograph_of_ball();
+    let photographs = [photograph];
+    let options = RenderOptions::new(1, 1).with_samples(256).with_bounces(0);
+    let compare = |scene: &Scene| {
+        let view = |p: &Photograph| Ok((scene.clone(), p.camera.to_camera()?));
+        Comparison::new(&photographs, &options, view).expect("a comparison")
+    };
+    let same = compare(&scene);
+    assert!(same.iou > 0.97, "{same:?}");
+    assert!(same.psnr_linear > 35.0 && same.psnr_srgb > 28.0, "{same:?}");
+    assert!(same.images[0].pixels[..6].iter().all(|v| v.abs() < 1e-5));
+    same.figure(&photographs, 6)
+        .expect("a figure")
+        .image()
+        .expect("an image");
+
+    let mut moved = scene.clone();
+    for object in &mut moved.objects {
+        object.mesh = object.mesh.clone().translated([0.3, 0.0, 0.0]);
+    }
+    let moved = compare(&moved);
+    assert!(
+        moved.iou < 0.9 && moved.psnr_srgb < same.psnr_srgb - 3.0,
+        "{moved:?}"
+    );
+    let none = Comparison::new(&[], &options, |p| {
+        Ok((scene.clone(), p.camera.to_camera()?))
+    });
+    assert!(none.is_err());
+}
+
+/// An object in a camera's own frame looks as it does in the world, and the region becomes the unit ball.
+#[test]
+fn frames_of_photographs() {
+    let (mut photograph, scene) = photograph_of_ball();
+    let camera = photograph.camera;
+    let mut own = scene.clone();
+    for object in &mut own.objects {
+        object.mesh = object
+            .mesh
+            .clone()
+            .transformed(&camera.world_to_own_frame(&Device::flex()));
+    }
+    let options = RenderOptions::new(1, 1).with_samples(64).with_bounces(0);
+    let view = |_: &Photograph| Ok((own.clone(), camera.in_own_frame().to_camera()?));
+    let found = Comparison::new(std::slice::from_ref(&photograph), &options, view);
+    let found = found.expect("a comparison");
+    assert!(found.iou > 0.97 && found.psnr_linear > 35.0, "{found:?}");
+
+    // A pixel at the middle of the image is as wide as `pixel_width` says.
+    let at = |pixel: [f64; 2]| {
+        let (eye, direction) = camera.ray(pixel).expect("a ray");
+        let along: f64 = (0..3).map(|i| -eye[i] * direction[i]).sum();
+        [0, 1, 2].map(|i| eye[i] + along * direction[i])
+    };
+    let [a, b] = [
+        camera.principal,
+        [camera.principal[0] + 1.0, camera.principal[1]],
+    ]
+    .map(at);
+    let width = (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
+    assert!(
+        (camera.pixel_width(a) / width - 1.0).abs() < 0.01,
+        "{width}"
+    );
+
+    let region = Region::sphere([0.1, 0.2, 0.3], 2.0);
+    let before = camera
+        .project([0.1 + 2.0 * 0.3, 0.2 - 2.0 * 0.4, 0.3])
+        .expect("a pixel");
+    region.make_unit([&mut photograph]);
+    let after = photograph
+        .camera
+        .project([0.3, -0.4, 0.0])
+        .expect("a pixel");
+    assert!(
+        (0..2).all(|i| (before[i] - after[i]).abs() < 1e-9),
+        "{before:?} {after:?}"
+    );
+    let [mean, expected] = [photograph.mean_color(), [0.54, 0.42, 0.3]];
+    assert!(
+        (0..3).all(|c| (mean[c] / expected[c] - 1.0).abs() < 0.1),
+        "{mean:?}"
+    );
 }
