@@ -97,17 +97,13 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
         set.held.len()
     ))?;
 
-    let mut sizes: Vec<usize> = (0..).map(|k| size >> k).take_while(|&s| s >= 32).collect();
-    sizes.reverse();
-    let first = sizes.first().copied().unwrap_or(size);
-    sizes.push(size);
+    // Sizes that double from about 32 pixels on, and the whole size again.
+    let halved = (0..).map(|k| size >> k).take_while(|&s| s >= size.min(32));
+    let sizes: Vec<usize> = std::iter::once(size).chain(halved).collect();
+    let sizes: Vec<usize> = sizes.into_iter().rev().collect();
     let mut asset: Option<Asset> = None;
     for (index, &size) in sizes.iter().enumerate() {
-        let bounces = if size == first {
-            0
-        } else {
-            plan.bounces.unwrap_or(0)
-        };
+        let bounces = plan.bounces.filter(|_| index > 0).unwrap_or(0);
         let stage = Stage::new(&set.train, size, index + 1 == sizes.len(), bounces)?;
         mesh = renew(&mesh, stage.edge())?;
         let start = match asset {

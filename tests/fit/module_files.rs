@@ -9,7 +9,11 @@ use crate::parameters::{changed, parameters};
 use burn::module::Module;
 use burn::tensor::DType;
 use softray::Error;
-use softray::modules::{RotationForm, cast, load_safetensors, save_safetensors};
+use softray::meshing::TriangleMesh;
+use softray::modules::{
+    ExposureParams, ExposureParamsConfig, RotationForm, SurfaceNetworkConfig, TexturedMeshParams,
+    ViewpointParams, cast, load_safetensors, save_safetensors,
+};
 use softray::prelude::*;
 
 /// One of each.
@@ -23,6 +27,9 @@ struct OneOfEach {
     relief: NormalMapParams,
     sky: EnvironmentParams,
     surface: MaterialParams,
+    object: TexturedMeshParams,
+    exposure: ExposureParams,
+    views: ViewpointParams,
 }
 
 fn one_of_each(device: &Device) -> OneOfEach {
@@ -50,7 +57,19 @@ fn one_of_each(device: &Device) -> OneOfEach {
             .with_emission(Some([1.0; 3]))
             .init(device)
             .expect("a material"),
+        object: textured(device).expect("an object"),
+        exposure: ExposureParamsConfig::new(3).init(device).expect("factors"),
+        views: {
+            let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
+            ViewpointParams::from_cameras(&[camera], 4.0, device).expect("cameras")
+        },
     }
+}
+
+fn textured(device: &Device) -> softray::Result<TexturedMeshParams> {
+    let ball = TriangleMesh::try_from(&shapes::icosahedron(device))?;
+    let network = SurfaceNetworkConfig::new().with_width(4).init(device)?;
+    TexturedMeshParams::from_mesh(&ball, 0.3, [0.5; 3], network, device)?.with_normal_map()
 }
 
 fn pose(device: &Device, scale: Option<f64>) -> RigidTransform {
@@ -90,6 +109,7 @@ fn parameters_come_back_from_files() {
     let trained = |name: &str| found.iter().find(|p| p.name == name).expect(name).trained;
     assert!(trained("mesh.vertices") && trained("camera.eye"));
     assert!(!trained("camera.up") && !trained("camera.lens.log_focus"));
+    assert!(trained("object.surface.last.weight") && !trained("object.mesh.vertices"));
     round_trip("mesh", all.mesh.clone());
     round_trip("offsets", all.offsets.clone());
     round_trip("pose", all.pose.clone());
@@ -97,6 +117,9 @@ fn parameters_come_back_from_files() {
     round_trip("texture", all.texture.clone());
     round_trip("sky", all.sky.clone());
     round_trip("surface", all.surface.clone());
+    round_trip("object", all.object.clone());
+    round_trip("exposure", all.exposure.clone());
+    round_trip("views", all.views.clone());
     round_trip("all", all);
 }
 

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use crate::meshing::samples::{ball, body, roughened, torus, torus_field};
 use crate::meshing::{
-    RemeshOptions, RepairOptions, Sizing, TriangleMesh, closest_points, remesh, repair,
+    RemeshOptions, RepairOptions, Sizing, TriangleMesh, closest_points, remesh, renew, repair,
 };
 
 /// The largest distance of a mesh's vertices and the middles of its faces to another mesh.
@@ -55,6 +55,9 @@ proptest! {
         let found = repair(&rough, &RepairOptions::default()).expect("a mesh");
         let all = found.mesh.statistics().expect("a mesh");
         prop_assert!(all.is_solid() && all.crossings == 0 && all.volume > 0.0, "{all:?}");
+        let all = renew(&rough, 0.15).expect("a mesh").statistics().expect("a mesh");
+        prop_assert!(all.is_solid() && all.crossings == 0 && all.folds == 0, "{all:?}");
+        prop_assert!(all.even_edges > 0.95, "{all:?}");
     }
 }
 
