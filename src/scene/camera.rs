@@ -107,31 +107,6 @@ impl Camera {
         self
     }
 
-    /// Returns a camera whose eye is turned about the line through the target along the up vector, counterclockwise seen
-    /// from above: for turntables.
-    ///
-    /// ```
-    /// use softray::prelude::*;
-    /// let camera = Camera::look_at([0.0, 1.0, 3.0], [0.0, 0.0, 0.0]);
-    /// let eye = camera.turned(90.0)?.eye.values()?;
-    /// assert!((eye[0] - 3.0).abs() < 1e-9 && (eye[1] - 1.0).abs() < 1e-9);
-    /// # Ok::<(), softray::Error>(())
-    /// ```
-    ///
-    /// # Errors
-    /// If the eye, target or up vector can't be read, or the up vector has no length.
-    pub fn turned(&self, degrees: f64) -> Result<Self> {
-        let vector = |p: &Parameter<3>| p.values().map(glam::DVec3::from);
-        let (target, up) = (vector(&self.target)?, vector(&self.up)?);
-        Error::unless(up.length() > 0.0, "camera", "up", up, "a length > 0")?;
-        let turn = glam::DQuat::from_axis_angle(up.normalize(), degrees.to_radians());
-        let eye = target + turn * (vector(&self.eye)? - target);
-        Ok(Self {
-            eye: eye.to_array().into(),
-            ..self.clone()
-        })
-    }
-
     /// Checks that values which are each in their range define a view together.
     pub(super) fn check_view(&self) -> Result<()> {
         let wrong = |field: &str, found: String, expected: &str| {
