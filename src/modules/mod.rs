@@ -5,7 +5,7 @@
 //! the cameras of photographs,
 //! [`TextureParams`] into a texture, [`NormalMapParams`] into a normal map, [`EnvironmentParams`] into an
 //! environment, [`MaterialParams`] into a material. [`SurfaceNetwork`] computes textures of materials,
-//! [`TexturedMeshParams`] is an object with all of these, and [`ExposureParams`] are factors of photographs.
+//! [`TexturedMeshParams`] is an object with a mesh, textures and such a network, and [`ExposureParams`] are factors of photographs.
 //!
 //! # Rules
 //! - **Constructors**: a part is made from numbers by its configuration, `XConfig::new(…).with_y(…).init(&device)`,

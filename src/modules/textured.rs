@@ -3,12 +3,14 @@ use std::sync::Arc;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
-use super::values::leaf;
-use super::{MeshParams, NormalMapParams, NormalMapParamsConfig, SurfaceNetwork, TextureParams};
+use super::{
+    MeshParams, NormalMapParams, NormalMapParamsConfig, SurfaceNetwork, TextureParams,
+    TextureParamsConfig,
+};
 use crate::atlas::{Atlas, AtlasOptions, Textured, transfer};
 use crate::error::{Error, Result};
 use crate::io::HostImage;
-use crate::meshing::TriangleMesh;
+use crate::meshing::{SurfacePoint, TriangleMesh};
 use crate::optim::loss;
 use crate::scene::{ColorTexture, CornerAttribute, Material, Mesh, Object, ScalarTexture};
 
@@ -71,8 +73,9 @@ impl TexturedMeshParams {
     ) -> Result<Self> {
         let (atlas, block) = layout(mesh, texel)?;
         let side = atlas.size;
-        let color = leaf(color.repeat(side * side), [side, side, 3], device).val();
-        let base_color = TextureParams::from_image(&color, device)?;
+        let base_color = TextureParamsConfig::new(side, side)
+            .with_color(color)
+            .init(device)?;
         Self::of(mesh, atlas, block, base_color, surface, device)
     }
 
@@ -84,9 +87,10 @@ impl TexturedMeshParams {
         surface: SurfaceNetwork,
         device: &Device,
     ) -> Result<Self> {
-        let points = atlas.texels().bake::<3>(|face, at| {
-            let corners = mesh.faces[face as usize].map(|v| mesh.positions[v as usize]);
-            [0, 1, 2].map(|i| (0..3).map(|k| at[k] * corners[k][i]).sum::<f64>() as f32)
+        let points = atlas.texels().bake::<3>(|face, barycentric| {
+            let point = SurfacePoint { face, barycentric };
+            let position = point.interpolate(&mesh.faces, &mesh.positions);
+            position.map(|x| x as f32)
         });
         let inner = device.clone().inner();
         let points = Tensor::<1>::from_floats(points.as_slice(), &inner);

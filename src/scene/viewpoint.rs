@@ -225,7 +225,7 @@ impl Camera {
     }
 
     /// Returns a camera whose eye is turned about the line through the target along the up vector, counterclockwise seen
-    /// from above: for turntables.
+    /// from above: for turntables. No gradients flow to the new eye.
     ///
     /// ```
     /// use softray::prelude::*;

@@ -33,7 +33,6 @@ enum Shown {
 }
 
 /// The last step that was taken.
-#[derive(Clone)]
 struct Latest {
     done: usize,
     /// The loss, the blur and the evaluation's values.
@@ -76,11 +75,14 @@ impl Progress {
         let Some(row) = history.rows.last() else {
             return;
         };
+        if matches!(self.shown, Shown::Nothing) {
+            return;
+        }
         let (done, state) = (row.step + 1, state(row, &history.recent(WINDOW)));
         match &mut self.shown {
             Shown::Nothing => {}
             Shown::Bar(bar) => {
-                bar.set_message(state.clone());
+                bar.set_message(state);
                 bar.set_position(done as u64);
             }
             Shown::Lines(last) => {
