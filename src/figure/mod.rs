@@ -5,6 +5,7 @@ mod canvas;
 mod color;
 mod panel;
 mod plot;
+mod relighting;
 mod text;
 
 use std::path::Path;
@@ -17,6 +18,7 @@ use panel::Cell;
 pub use panel::Panel;
 pub use plot::Plot;
 use plot::PlotRow;
+pub use relighting::Relighting;
 use text::Font;
 
 /// The font size of the title, the height of its lines, and the space below it, in pixels.

@@ -3,15 +3,28 @@
 use super::mesh::TriangleMesh;
 use super::remesh::{RemeshOptions, remesh};
 use super::repair::{RepairOptions, repair};
+use super::smooth::{SmoothOptions, smooth};
 use crate::error::Result;
 
+/// From this ratio of the old edges to the new ones on, a mesh becomes finer.
+const FINER: f64 = 1.4;
+
 /// Makes a mesh that a fit has moved even and sound again: it is repaired, remeshed to edges of about `edge` scene units,
-/// and repaired where that has made faces cross.
+/// and repaired where that has made faces cross. Where edges become shorter, the old faces would show as facets, so these are
+/// smoothed away.
 ///
 /// # Errors
-/// As [`repair`] and [`remesh`] return them.
+/// As [`repair`], [`remesh`] and [`smooth`] return them.
 pub fn renew(mesh: &TriangleMesh, edge: f64) -> Result<TriangleMesh> {
     let sound = RepairOptions::default().with_edge_length(edge);
-    let even = remesh(&repair(mesh, &sound)?.mesh, &RemeshOptions::uniform(edge))?;
-    Ok(repair(&even.mesh, &sound)?.mesh)
+    let longer = mesh.statistics()?.median_edge / edge;
+    let even = remesh(&repair(mesh, &sound)?.mesh, &RemeshOptions::uniform(edge))?.mesh;
+    let even = if longer > FINER {
+        // Taubin's filter has the width √steps edges.
+        let steps = (2.5 * longer * longer).round() as usize;
+        smooth(&even, &SmoothOptions::default().with_steps(steps))?
+    } else {
+        even
+    };
+    Ok(repair(&even, &sound)?.mesh)
 }

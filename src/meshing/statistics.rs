@@ -6,7 +6,7 @@ use super::mesh::TriangleMesh;
 use crate::error::Result;
 
 /// Properties of a mesh, from [`TriangleMesh::statistics`].
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct MeshStatistics {
     /// Whether each edge has exactly two faces.
     pub closed: bool,

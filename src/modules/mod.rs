@@ -5,7 +5,8 @@
 //! the cameras of photographs,
 //! [`TextureParams`] into a texture, [`NormalMapParams`] into a normal map, [`EnvironmentParams`] into an
 //! environment, [`MaterialParams`] into a material. [`SurfaceNetwork`] computes textures of materials,
-//! [`TexturedMeshParams`] is an object with a mesh, textures and such a network, and [`ExposureParams`] are factors of photographs.
+//! [`TexturedMeshParams`] is an object with a mesh, textures and such a network, and [`ExposureParams`] are factors of
+//! photographs. [`AssetParams`] is all that is fitted to photographs of an object.
 //!
 //! # Rules
 //! - **Constructors**: a part is made from numbers by its configuration, `XConfig::new(…).with_y(…).init(&device)`,
@@ -76,6 +77,8 @@
 //! for a record with other names, burn returns an error that lists the missing parameters. Use safetensors for files
 //! that should outlive a version of this crate.
 
+#[cfg(all(feature = "photographs", not(target_family = "wasm")))]
+mod asset;
 mod camera;
 mod debug;
 mod exposure;
@@ -92,6 +95,8 @@ mod transform;
 mod values;
 mod viewpoints;
 
+#[cfg(all(feature = "photographs", not(target_family = "wasm")))]
+pub use asset::AssetParams;
 pub use camera::{Aim, AimForm, CameraParams, CameraParamsConfig, LensParams};
 pub use exposure::{ExposureParams, ExposureParamsConfig};
 pub use loss::{RenderLoss, RenderLossConfig};

@@ -108,6 +108,19 @@ impl ViewpointParams {
         };
         Ok(camera)
     }
+
+    /// Returns another camera of the same lens with the common factor of the focal lengths, such as that of a photograph that
+    /// is held out. A projection that is not given by a matrix K stays as it is.
+    ///
+    /// # Errors
+    /// If a tensor can't be read.
+    pub fn with_focal(&self, mut camera: Camera) -> Result<Camera> {
+        if let Projection::Intrinsics { focal, .. } = &mut camera.projection {
+            let factor = host_values(&self.log_focal.val().clamp(-1.0, 1.0).exp())?[0];
+            *focal = focal.values()?.map(|f| f * factor).into();
+        }
+        Ok(camera)
+    }
 }
 
 /// Returns the eye and the axes right, up and forward.

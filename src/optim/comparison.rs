@@ -27,9 +27,10 @@ use crate::scene::{Camera, Detach, Object, Scene, shapes, visit_camera, visit_sc
 /// assert!(found.iou > 0.4 && found.images.len() == 2);
 /// # Ok::<(), softray::Error>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize)]
 pub struct Comparison {
     /// The renders: the objects before black, where the photographs' pixels are.
+    #[serde(skip)]
     pub images: Vec<HostImage>,
     /// [`metrics::psnr_srgb`] in the boxes of the masks, in dB.
     pub psnr_srgb: f64,

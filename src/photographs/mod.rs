@@ -3,7 +3,7 @@
 //! [`Photographs::open`] reads the cameras of a folder in the forms of NeRF, instant-ngp, nerfstudio, COLMAP, LLFF and
 //! NeuS. [`Photographs::load`] reads the photographs: it undoes the distortion of lenses, shrinks in linear light, and
 //! finds masks. [`ViewCamera::to_camera`] gives the camera with which a scene is rendered to compare it with a photograph.
-//! [`Batches`] chooses mini-batches of views and tiles, [`Photograph::levels`] makes coarse levels, and [`Region`] is
+//! [`ObjectPhotographs`] is all of that for a set of one object. [`Batches`] chooses mini-batches of views and tiles, [`Photograph::levels`] makes coarse levels, and [`Region`] is
 //! where the object is.
 //!
 //! All cameras have the same axes and pixels, whatever the file's are: camera-to-world in the axes of OpenGL (x right,
@@ -23,6 +23,7 @@ mod llff;
 mod load;
 mod neus;
 mod numpy;
+mod object;
 mod photograph;
 mod pose;
 mod region;
@@ -38,6 +39,7 @@ pub use camera::{ViewCamera, Window};
 pub use crop::crop_to_masks;
 pub use distortion::Distortion;
 pub use load::PhotographOptions;
+pub use object::ObjectPhotographs;
 pub use photograph::Photograph;
 pub use region::Region;
 pub use set::{Loaded, Photographs};

@@ -224,31 +224,6 @@ impl Camera {
         ))
     }
 
-    /// Returns a camera whose eye is turned about the line through the target along the up vector, counterclockwise seen
-    /// from above: for turntables. No gradients flow to the new eye.
-    ///
-    /// ```
-    /// use softray::prelude::*;
-    /// let camera = Camera::look_at([0.0, 1.0, 3.0], [0.0, 0.0, 0.0]);
-    /// let eye = camera.turned(90.0)?.eye.values()?;
-    /// assert!((eye[0] - 3.0).abs() < 1e-9 && (eye[1] - 1.0).abs() < 1e-9);
-    /// # Ok::<(), softray::Error>(())
-    /// ```
-    ///
-    /// # Errors
-    /// If the eye, target or up vector can't be read, or the up vector has no length.
-    pub fn turned(&self, degrees: f64) -> Result<Self> {
-        let vector = |p: &Parameter<3>| p.values().map(DVec3::from);
-        let (target, up) = (vector(&self.target)?, vector(&self.up)?);
-        Error::unless(up.length() > 0.0, "camera", "up", up, "a length > 0")?;
-        let turn = glam::DQuat::from_axis_angle(up.normalize(), degrees.to_radians());
-        let eye = target + turn * (vector(&self.eye)? - target);
-        Ok(Self {
-            eye: eye.to_array().into(),
-            ..self.clone()
-        })
-    }
-
     /// Creates a camera with a vertical field of view of 40° that has the whole scene in view.
     /// The scene is in view at any time of the shutter, in an image that is at least as wide as high. `direction`
     /// points from the scene to the camera. If it is a tensor `[3]`, gradients flow to it. The distance of the camera

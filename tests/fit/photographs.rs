@@ -40,9 +40,10 @@ fn gray(value: f32, device: &Device) -> Tensor<4> {
     Tensor::full([1, 1, 2, 3], value, device)
 }
 
-/// The slope of the sRGB curve.
-fn slope(value: f64) -> f64 {
-    value.powf(1.0 / 2.4 - 1.0) * 1.055 / 2.4
+/// The sRGB curve without its offset, and its slope.
+fn curve(value: f64) -> [f64; 2] {
+    let root = value.powf(1.0 / 2.4) * 1.055;
+    [root, root / value / 2.4]
 }
 
 /// The errors are those of one render, and the derivatives those of the other. An error counts as it looks.
@@ -59,9 +60,10 @@ fn errors_of_photographs_come_from_one_render_and_derivatives_from_the_other() {
         .forward(&errors, &derived, Some(factors.clone()))
         .expect("errors");
 
-    let error = 0.05 * slope(0.25);
-    let root = (1.0 + (error / 0.2).powi(2)).sqrt();
-    let expected = 2.0 * 0.04 * (root - 1.0);
+    let [seen, slope] = curve(0.3);
+    let error = seen - curve(0.25)[0];
+    let root = (1.0 + error.powi(2)).sqrt();
+    let expected = 2.0 * (root - 1.0);
     let value = values(&found.color)[0];
     assert!((value - expected).abs() < 1e-5, "{value} {expected}");
     assert!(
@@ -71,7 +73,7 @@ fn errors_of_photographs_come_from_one_render_and_derivatives_from_the_other() {
     );
     assert!(values(&found.silhouette)[0].abs() < 1e-6);
     let gradients = found.color.backward();
-    let by_value = 2.0 * error * slope(0.25) / root / 6.0;
+    let by_value = 2.0 * error * slope / root / 6.0;
     for by in values(&tracked.grad(&gradients).expect("a gradient")) {
         assert!((by - by_value).abs() < 1e-6, "{by} {by_value}");
     }
@@ -112,6 +114,28 @@ fn borders_and_brighter_renders_of_clipped_values_are_no_errors() {
     );
     assert_eq!(color(&photograph(1.0, [1.0, 1.0]), 3.0, [1.0, 1.0])[0], 0.0);
     assert!(color(&photograph(1.0, [1.0, 1.0]), 0.5, [1.0, 1.0])[0] > 0.01);
+}
+
+/// Below a linear value of 0.02 the sRGB curve is its tangent, also for the values below 0 that a render may have.
+#[test]
+fn dark_errors_are_linear() {
+    let device = Device::flex().autodiff();
+    let shown = photograph(0.0, [1.0, 1.0]);
+    let loss = PhotographLoss::new(&[&shown], &device).expect("a loss");
+    let slope = curve(0.02)[1];
+    for value in [-0.01, 0.01, 0.02] {
+        let tracked = gray(value, &device).require_grad();
+        let seen = image(tracked.clone(), [1.0, 1.0]);
+        let found = loss.forward(&seen, &seen, None).expect("errors");
+        let error = f64::from(value) * slope;
+        let psnr = -20.0 * error.abs().log10();
+        assert!((found.psnr - psnr).abs() < 1e-3, "{} {psnr}", found.psnr);
+        let by_value = 2.0 * error * slope / (1.0 + error.powi(2)).sqrt() / 6.0;
+        let gradients = found.color.backward();
+        for by in values(&tracked.grad(&gradients).expect("a gradient")) {
+            assert!((by / by_value - 1.0).abs() < 1e-3, "{by} {by_value}");
+        }
+    }
 }
 
 #[test]

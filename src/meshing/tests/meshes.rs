@@ -279,3 +279,45 @@ fn holes_are_closed() {
     let after = found.mesh.statistics().expect("a mesh");
     assert!(found.rebuilt && after.is_solid() && after.genus == Some(1) && after.crossings == 0);
 }
+
+/// The largest angle between the normals of a face and of one of its vertices, in degrees.
+fn bend(mesh: &TriangleMesh) -> f64 {
+    let normals = mesh.vertex_normals();
+    let off = (0..mesh.faces.len() as u32).flat_map(|f| {
+        let normal = mesh.area_vector(f).normalize();
+        let at = mesh.faces[f as usize];
+        at.map(|v| normal.angle_between(normals[v as usize].normalize()))
+    });
+    off.fold(0.0, f64::max).to_degrees()
+}
+
+/// A finer mesh of a ball has no facets of the coarse one, whose shape it keeps, and a mesh that does not become finer keeps
+/// its details.
+#[test]
+fn finer_meshes_have_no_facets() {
+    let coarse = remesh(&ball(32), &RemeshOptions::uniform(0.4))
+        .expect("a mesh")
+        .mesh;
+    let (fine, facets) = (
+        renew(&coarse, 0.13).expect("a mesh"),
+        remesh(&coarse, &RemeshOptions::uniform(0.13))
+            .expect("a mesh")
+            .mesh,
+    );
+    let (found, flat) = (bend(&fine), bend(&facets));
+    assert!(found < 0.6 * flat, "{found}° of {flat}°");
+    assert!((fine.volume() / coarse.volume() - 1.0).abs() < 0.01);
+    let all = fine.statistics().expect("a mesh");
+    assert!(
+        all.is_solid() && all.crossings == 0 && all.even_edges > 0.95,
+        "{all:?}"
+    );
+    let rough = roughened(&fine, 0.02);
+    let again = renew(&rough, 0.13).expect("a mesh");
+    assert!(
+        bend(&again) > 0.7 * bend(&rough),
+        "{} {}",
+        bend(&again),
+        bend(&rough)
+    );
+}

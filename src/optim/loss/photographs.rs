@@ -12,18 +12,20 @@ use crate::render::ImageBatch;
 const WHOLE: [f32; 2] = [0.99, 0.999];
 /// The linear value from which a channel of a photograph counts as clipped.
 const CLIPPED: f32 = 0.96;
-/// The least value at which the slope of the sRGB curve is taken: darker values are mostly noise.
+/// The linear value below which the sRGB curve goes on along its tangent: darker values are mostly noise.
 const DARKEST: f64 = 0.02;
+/// The exponent and the factor of the sRGB curve.
+const CURVE: [f64; 2] = [1.0 / 2.4, 1.055];
 /// The error of an sRGB value beyond which a pixel counts as an outlier.
-const OUTLIER: f64 = 0.2;
+const OUTLIER: f64 = 1.0;
 
 /// A mini-batch of photographs with masks, to compare renders with.
 ///
 /// Colors are compared where the mask and the render show nothing but the object, because a photograph is masked and a render
-/// is not. The error of a channel is the difference of linear values times the slope of the sRGB curve at the photograph's
-/// value, so that it counts as it looks. Errors ρ(e) are quadratic up to about 0.2 and linear beyond (pseudo-Huber, Charbonnier
-/// et al. 1997), for borders of masks and for cameras that are off. A clipped channel says "at least": a brighter render has no
-/// error there.
+/// is not. The error of a channel is the difference of sRGB values, so that it counts as it looks; below a linear value of
+/// 0.02, where the curve is steep and photographs are noisy, the curve is its tangent. Errors ρ(e) are quadratic up to about 1
+/// and linear beyond (pseudo-Huber, Charbonnier et al. 1997): only a render that is brighter than white is an outlier. A
+/// clipped channel says "at least": a brighter render has no error there.
 ///
 /// # Noise
 /// The square of a noisy value is too large by its variance, so a fit by it prefers what has less noise: a matt surface to a
@@ -62,7 +64,6 @@ pub struct PhotographLoss {
     weight: Tensor<3>,
     /// The weights of pixels `[N, H, W, 1]`: 0 where a photograph shows anything else.
     inside: Tensor<4>,
-    slope: Tensor<4>,
     /// 1 where a channel is clipped.
     clipped: Tensor<4>,
 }
@@ -112,11 +113,6 @@ impl PhotographLoss {
             mask: of(&|p| p.mask.clone()).reshape([count, height, width]),
             weight: of(&|p| p.weight.clone()).reshape([count, height, width]),
             inside: inside.reshape([count, height, width, 1]),
-            slope: color
-                .clone()
-                .clamp(DARKEST, 1.0)
-                .powf_scalar(1.0 / 2.4 - 1.0)
-                * (1.055 / 2.4),
             clipped: color.clone().greater_equal_elem(CLIPPED).float(),
             color,
         })
@@ -159,12 +155,13 @@ impl PhotographLoss {
         let inside = self.inside.clone() * whole.unsqueeze_dim(3);
         let total = (inside.clone().sum() * 3.0).clamp_min(1.0);
 
-        let error = (seen - self.color.clone()) * self.slope.clone();
+        let (looks, slopes) = curve(seen);
+        let error = looks - curve(self.color.clone()).0;
         let brighter = error.clone().greater_elem(0.0).float() * self.clipped.clone();
         let weight = (brighter.neg() + 1.0) * inside / total.unsqueeze();
         let root = ((error.clone() / OUTLIER).powi_scalar(2) + 1.0).sqrt();
         let value = ((root.clone() - 1.0) * weight.clone()).sum() * (2.0 * OUTLIER * OUTLIER);
-        let slope = error.clone() * self.slope.clone() * weight.clone() / root * 2.0;
+        let slope = error.clone() * slopes * weight.clone() / root * 2.0;
         let squared = host_values(&(error.powi_scalar(2) * weight).sum())?;
 
         let off = covered - self.mask.clone();
@@ -178,6 +175,15 @@ impl PhotographLoss {
             psnr: -10.0 * squared.first().copied().map_or(f64::NAN, f64::from).log10(),
         })
     }
+}
+
+/// The sRGB curve of linear values, with its tangent below [`DARKEST`], and its slope.
+fn curve(linear: Tensor<4>) -> (Tensor<4>, Tensor<4>) {
+    let [exponent, factor] = CURVE;
+    let bright = linear.clone().clamp_min(DARKEST);
+    let value = bright.clone().powf_scalar(exponent) * factor;
+    let slope = value.clone() / bright.clone() * exponent;
+    (value + (linear - bright) * slope.clone(), slope)
 }
 
 /// A constant with a given derivative by the elements of `of`.
