@@ -3,21 +3,18 @@
 //! Levels go from coarse to fine. All but the last move the mesh, which is made even and sound again before each; the last
 //! has textures as fine as the photographs, with a normal map. See docs/PHOTOGRAPHS.md.
 
-pub(crate) mod fit;
 pub(crate) mod results;
 
 use std::path::PathBuf;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Parser;
 use serde::{Deserialize, Serialize};
 use softray::Result;
 use softray::meshing::{HullOptions, SmoothOptions, TriangleMesh, renew, smooth};
-use softray::modules::AssetParams;
-use softray::photographs::{Dialect, ObjectPhotographs, PhotographOptions};
+use softray::modules::{AssetLevel, AssetParams};
+use softray::photographs::{Dialect, ObjectPhotographs, Photograph, PhotographOptions};
 use softray::prelude::*;
-
-use fit::Stage;
 
 /// Fits a mesh, its textures and the light to photographs.
 #[derive(Parser, Clone, Debug)]
@@ -101,32 +98,35 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
     let mut asset: Option<AssetParams> = None;
     for (index, &pixels) in sizes.iter().enumerate() {
         let bounces = plan.bounces.filter(|_| index > 0).unwrap_or(0);
-        let stage = Stage::new(&set.train, pixels, index + 1 == sizes.len(), bounces)?;
-        mesh = renew(&mesh, stage.edge())?;
+        let level = AssetLevel::new(&set.train, pixels)?
+            .with_still_mesh(index + 1 == sizes.len())
+            .with_bounces(bounces);
+        mesh = renew(&mesh, level.edge())?;
         let mut start = match asset {
-            None => begin(&stage, &mesh, &mut plan, &device)?,
-            Some(asset) => stage.refine(asset, &mesh)?,
+            None => begin(&level, &mesh, &mut plan, &device)?,
+            Some(asset) => level.refine(asset, &mesh)?,
         };
         // Structure from motion finds poses only nearly.
         if pixels == size && set.dialect == Dialect::Colmap && start.viewpoints.is_none() {
-            start = start.with_viewpoints(&stage.views)?;
+            start = start.with_viewpoints(&level.photographs)?;
         }
         if plan.steps.len() <= index {
             // Finer levels have more of the time that is left.
             let left = 58.0 * minutes - clock.elapsed().as_secs_f64();
             let weights = sizes[index..].iter().map(|s| s + 32);
             let share = (pixels + 32) as f64 / weights.sum::<usize>() as f64;
-            plan.steps.push(stage.steps_in(share * left, &start)?);
+            let time = Duration::from_secs_f64((share * left).max(0.0));
+            plan.steps.push(level.steps_within(time, &start)?);
             plan.write(&arguments)?;
         }
         let checkpoints = arguments.out.join("steps").join(index.to_string());
-        let fitted = stage.fit(start, plan.steps[index], Some(checkpoints))?;
+        let fitted = level.fit(start, plan.steps[index], Some(&checkpoints))?;
         mesh = fitted.object.triangle_mesh()?;
         let held = set.held_out.iter().map(|p| p.shrunk(pixels));
         log.level(&fitted, &held.collect::<Result<Vec<_>>>()?, bounces)?;
         if plan.bounces.is_none() {
             let brightness = |bounces| -> Result<f64> {
-                let found = fitted.compare(&stage.few(), &fit::measuring(bounces))?;
+                let found = fitted.compare(&few(&level), &measuring(bounces))?;
                 Ok(found.images.iter().flat_map(HostImage::mean).sum())
             };
             let brighter = brightness(1)? / brightness(0)? - 1.0;
@@ -141,27 +141,37 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
     log.finish(&mesh, asset.light_stands)
 }
 
+/// The options of renders that are compared with photographs.
+pub(crate) fn measuring(bounces: u32) -> RenderOptions {
+    let options = RenderOptions::new(1, 1).with_samples(64);
+    options.with_bounces(bounces)
+}
+
+/// About eight of the photographs of a level.
+fn few(level: &AssetLevel) -> Vec<Photograph> {
+    let step = level.photographs.len().div_ceil(8);
+    level.photographs.iter().step_by(step).cloned().collect()
+}
+
 /// The start of the first level: the better one of short fits with a light that stands in the world, and that turns with the
 /// camera.
 fn begin(
-    stage: &Stage,
+    level: &AssetLevel,
     mesh: &TriangleMesh,
     plan: &mut Plan,
     device: &Device,
-) -> Outcome<AssetParams> {
-    let attempt = |stands: bool| -> Result<(f64, AssetParams)> {
-        let asset = stage.fit(stage.begin(mesh, stands, device)?, 50, None)?;
-        let found = asset.compare(&stage.few(), &fit::measuring(0))?;
-        Ok((found.psnr_srgb, asset))
-    };
+) -> Result<AssetParams> {
+    let attempt = |stands| level.fit(level.begin(mesh, stands, device)?, 50, None);
     if let Some(stands) = plan.world {
-        return Ok(attempt(stands)?.1);
+        return attempt(stands);
     }
     let (standing, turning) = (attempt(true)?, attempt(false)?);
-    let better = turning.0 > standing.0;
-    let (_, asset) = if better { turning } else { standing };
-    plan.world = Some(asset.light_stands);
-    Ok(asset)
+    let psnr = |asset: &AssetParams| -> Result<f64> {
+        Ok(asset.compare(&few(level), &measuring(0))?.psnr_srgb)
+    };
+    let stands = psnr(&standing)? >= psnr(&turning)?;
+    plan.world = Some(stands);
+    Ok(if stands { standing } else { turning })
 }
 
 impl Plan {

@@ -12,8 +12,7 @@ use softray::meshing::TriangleMesh;
 use softray::modules::AssetParams;
 use softray::photographs::{ObjectPhotographs, Photograph};
 
-use super::Outcome;
-use super::fit::measuring;
+use super::{Outcome, measuring};
 
 /// The log, and the numbers of all levels.
 pub struct Log {

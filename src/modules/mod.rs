@@ -6,7 +6,7 @@
 //! [`TextureParams`] into a texture, [`NormalMapParams`] into a normal map, [`EnvironmentParams`] into an
 //! environment, [`MaterialParams`] into a material. [`SurfaceNetwork`] computes textures of materials,
 //! [`TexturedMeshParams`] is an object with a mesh, textures and such a network, and [`ExposureParams`] are factors of
-//! photographs. [`AssetParams`] is all that is fitted to photographs of an object.
+//! photographs. [`AssetParams`] is all that is fitted to photographs of an object, and [`AssetLevel`] fits it.
 //!
 //! # Rules
 //! - **Constructors**: a part is made from numbers by its configuration, `XConfig::new(…).with_y(…).init(&device)`,
@@ -82,6 +82,8 @@ mod asset;
 mod camera;
 mod debug;
 mod exposure;
+#[cfg(all(feature = "fit", feature = "photographs", not(target_family = "wasm")))]
+mod level;
 mod loss;
 mod material;
 mod mesh;
@@ -99,6 +101,8 @@ mod viewpoints;
 pub use asset::AssetParams;
 pub use camera::{Aim, AimForm, CameraParams, CameraParamsConfig, LensParams};
 pub use exposure::{ExposureParams, ExposureParamsConfig};
+#[cfg(all(feature = "fit", feature = "photographs", not(target_family = "wasm")))]
+pub use level::AssetLevel;
 pub use loss::{RenderLoss, RenderLossConfig};
 pub use material::{MaterialParams, MaterialParamsConfig};
 pub use mesh::{MeshOffsets, MeshParams};
