@@ -107,7 +107,8 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
             Some(asset) => level.refine(asset, &mesh)?,
         };
         // Structure from motion finds poses only nearly.
-        if pixels == size && set.dialect == Dialect::Colmap && start.viewpoints.is_none() {
+        let posed = set.dialect == Dialect::Colmap && 2 * pixels >= size;
+        if posed && start.viewpoints.is_none() {
             start = start.with_viewpoints(&level.photographs)?;
         }
         if plan.steps.len() <= index {
@@ -126,7 +127,7 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
         log.level(&fitted, &held.collect::<Result<Vec<_>>>()?, bounces)?;
         if plan.bounces.is_none() {
             let brightness = |bounces| -> Result<f64> {
-                let found = fitted.compare(&few(&level), &measuring(bounces))?;
+                let found = fitted.compare(&few(&level), &measuring(bounces), false)?;
                 Ok(found.images.iter().flat_map(HostImage::mean).sum())
             };
             let brighter = brightness(1)? / brightness(0)? - 1.0;
@@ -167,7 +168,7 @@ fn begin(
     }
     let (standing, turning) = (attempt(true)?, attempt(false)?);
     let psnr = |asset: &AssetParams| -> Result<f64> {
-        Ok(asset.compare(&few(level), &measuring(0))?.psnr_srgb)
+        Ok(asset.compare(&few(level), &measuring(0), false)?.psnr_srgb)
     };
     let stands = psnr(&standing)? >= psnr(&turning)?;
     plan.world = Some(stands);

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use softray::Result;
 use softray::figure::Relighting;
 use softray::meshing::TriangleMesh;
-use softray::modules::AssetParams;
+use softray::modules::{AssetLevel, AssetParams};
 use softray::photographs::{ObjectPhotographs, Photograph};
 
 use super::{Outcome, measuring};
@@ -41,9 +41,17 @@ impl Log {
 
     /// Measures held-out views at the end of a level, and draws them.
     pub fn level(&mut self, asset: &AssetParams, held: &[Photograph], bounces: u32) -> Outcome<()> {
-        let found = asset.compare(held, &measuring(bounces))?;
+        let found = asset.compare(held, &measuring(bounces), false)?;
         found.figure(held, 6)?.write(self.out.join("views.png"))?;
         let mut numbers = json!(found);
+        if let Some(viewpoints) = &asset.viewpoints {
+            // Those of held-out photographs are as wrong.
+            let level = AssetLevel::new(held, held[0].camera.size.into_iter().max().unwrap_or(0))?;
+            let registered = level.with_bounces(bounces).register(asset, 30)?;
+            numbers["poses_refined"] =
+                json!(registered.compare(held, &measuring(bounces), true)?);
+            numbers["poses_moved_pixels"] = viewpoints.median_move()?.into();
+        }
         numbers["pixels"] = json!(held.first().map(|p| p.camera.size));
         numbers["faces"] = asset.object.mesh.mesh().faces.len().into();
         self.line(&format!("{numbers}"))?;

@@ -44,7 +44,7 @@ const ALBEDO: f64 = 0.5;
 /// let errors = asset.errors(&object, &photographs, &[2, 0], seeds)?;
 /// let loss = errors.color + errors.silhouette + asset.regularizer(asset.object.surface()?)? * 0.02;
 /// assert!(loss.into_scalar::<f32>() > 0.0);
-/// assert!(asset.compare(&photographs, &options)?.iou > 0.2);
+/// assert!(asset.compare(&photographs, &options, false)?.iou > 0.2);
 /// # Ok::<(), softray::Error>(())
 /// ```
 #[derive(Module, Debug)]
@@ -107,30 +107,45 @@ impl AssetParams {
         })
     }
 
-    /// Adds corrections of the photographs' cameras, which are all those of [`AssetParams::from_photographs`].
+    /// Adds corrections of the photographs' cameras, which are all those of [`AssetParams::from_photographs`] in any size.
     ///
     /// # Errors
     /// As [`ViewpointParams::from_cameras`].
     pub fn with_viewpoints(self, photographs: &[Photograph]) -> Result<Self> {
         let given = |p: &Photograph| {
-            let camera = if self.light_stands {
-                p.camera
-            } else {
-                p.camera.in_own_frame()
-            };
+            let own = p.camera.in_own_frame();
+            let camera = if self.light_stands { p.camera } else { own };
             camera.to_camera()
         };
         let cameras = photographs.iter().map(given).collect::<Result<Vec<_>>>()?;
-        let distance = photographs
-            .iter()
-            .map(|p| glam::DVec3::from(p.camera.position()).length());
-        let distance = distance.sum::<f64>() / photographs.len() as f64;
+        let away = |p: &Photograph| glam::DVec3::from(p.camera.position()).length();
+        let distance = photographs.iter().map(away).sum::<f64>() / photographs.len() as f64;
         let device = self.object.mesh.vertices.val().device();
         let viewpoints = ViewpointParams::from_cameras(&cameras, distance, &device)?;
         Ok(Self {
             viewpoints: Some(viewpoints),
             ..self
         })
+    }
+
+    /// Returns the same object and light for other photographs, such as held-out ones: only corrections of their cameras are
+    /// trained, with the common factor of the focal lengths as a start.
+    ///
+    /// # Errors
+    /// As [`ExposureParamsConfig::init`] and [`ViewpointParams::from_cameras`].
+    pub fn for_photographs(&self, photographs: &[Photograph]) -> Result<Self> {
+        let device = self.object.mesh.vertices.val().device();
+        let exposure = ExposureParamsConfig::new(photographs.len()).init(&device)?;
+        let known = Self {
+            exposure,
+            viewpoints: None,
+            ..self.clone()
+        };
+        let mut asset = known.no_grad().with_viewpoints(photographs)?;
+        if let (Some(new), Some(old)) = (&mut asset.viewpoints, &self.viewpoints) {
+            new.log_focal = old.log_focal.clone().no_grad();
+        }
+        Ok(asset)
     }
 
     /// Returns the scene and the camera of a photograph, with an object such as [`TexturedMeshParams::object`]. If the light
@@ -156,7 +171,10 @@ impl AssetParams {
             .with_object(object)
             .with_environment(sky.clone());
         let camera = match (&self.viewpoints, index) {
-            (Some(viewpoints), Some(index)) => viewpoints.camera(index)?,
+            (Some(viewpoints), Some(index)) => Camera {
+                projection: viewpoints.with_focal(camera.to_camera()?)?.projection,
+                ..viewpoints.camera(index)?
+            },
             (Some(viewpoints), None) => viewpoints.with_focal(camera.to_camera()?)?,
             (None, _) => camera.to_camera()?,
         };
@@ -240,7 +258,7 @@ impl AssetParams {
         HostImage::from_tensor(&asset.sky.texels())?.write(folder.join("light.exr"))
     }
 
-    /// Measures how well photographs agree, such as held-out ones, with the cameras that they have.
+    /// Measures how well photographs agree: with the cameras that they have, or `corrected`, as those of the parameters.
     ///
     /// # Errors
     /// As [`Comparison::new`].
@@ -248,9 +266,13 @@ impl AssetParams {
         &self,
         photographs: &[Photograph],
         options: &RenderOptions,
+        corrected: bool,
     ) -> Result<Comparison> {
         let asset = self.valid();
         let (object, sky) = (asset.object.object()?, asset.sky.environment());
-        Comparison::new(photographs, options, |p| asset.view(&object, &sky, p, None))
+        let mut indices = 0..;
+        Comparison::new(photographs, options, |p| {
+            asset.view(&object, &sky, p, indices.next().filter(|_| corrected))
+        })
     }
 }

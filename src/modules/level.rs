@@ -21,6 +21,8 @@ const WEIGHTS: [f64; 2] = [40.0, 10.0];
 const END: f64 = 0.2;
 /// The first and the last rate of vertices at a first level, and later.
 const MOVES: [[f64; 2]; 2] = [[0.09, 0.004], [0.03, 0.003]];
+/// The first and the last rate of corrections of cameras.
+const POSES: [f64; 2] = [1e-4, 1e-5];
 /// The part of large steps that is smooth ([`LargeStepsConfig`]).
 const SMOOTH: f64 = 4.0;
 
@@ -134,6 +136,15 @@ impl AssetLevel {
         Ok(asset)
     }
 
+    /// Finds the cameras of this level's photographs for an asset that was fitted to others, in a number of steps:
+    /// [`AssetParams::for_photographs`], and a fit of the corrections alone.
+    ///
+    /// # Errors
+    /// As [`AssetParams::for_photographs`] and [`AssetLevel::fit`].
+    pub fn register(&self, asset: &AssetParams, steps: usize) -> Result<AssetParams> {
+        self.fit(asset.for_photographs(&self.photographs)?, steps, None)
+    }
+
     /// The loss of a step. The render for the errors needs no derivatives, so it has more samples.
     fn loss(&self, asset: &AssetParams, views: &[usize], step: &Step) -> Result<Evaluation> {
         let more = self.options.clone().with_samples(2 * self.options.samples);
@@ -183,7 +194,10 @@ impl AssetLevel {
             Rate::exponential(start, end),
             if self.first { 0.4 } else { 0.2 },
         );
-        let posed = asset.viewpoints.is_some();
+        let (posed, poses) = (
+            asset.viewpoints.is_some(),
+            Rate::exponential(POSES[0], POSES[1]),
+        );
         let rates = [
             (true, vertices, moves),
             (true, "object.base_color.logit_texels", falling(0.4)),
@@ -193,9 +207,9 @@ impl AssetLevel {
                 "object.normal_map.slopes",
                 Rate::constant(0.004),
             ),
-            (posed, "viewpoints.turns", Rate::constant(2e-4)),
-            (posed, "viewpoints.shifts", Rate::constant(2e-4)),
-            (posed, "viewpoints.log_focal", Rate::constant(2e-4)),
+            (posed, "viewpoints.turns", poses),
+            (posed, "viewpoints.shifts", poses),
+            (posed, "viewpoints.log_focal", poses),
         ];
         let mut fit = Fit::new(asset, optimizer, steps)
             .with_rate(falling(0.003))

@@ -109,18 +109,36 @@ impl ViewpointParams {
         Ok(camera)
     }
 
-    /// Returns another camera of the same lens with the common factor of the focal lengths, such as that of a photograph that
-    /// is held out. A projection that is not given by a matrix K stays as it is.
+    /// Returns another camera of the same lens with the common factor of the focal lengths, in the graph of the parameters. A
+    /// projection that is not given by a matrix K stays as it is.
     ///
     /// # Errors
-    /// If a tensor can't be read.
+    /// If the focal lengths can't be read.
     pub fn with_focal(&self, mut camera: Camera) -> Result<Camera> {
         if let Projection::Intrinsics { focal, .. } = &mut camera.projection {
-            let factor = host_values(&self.log_focal.val().clamp(-1.0, 1.0).exp())?[0];
-            *focal = focal.values()?.map(|f| f * factor).into();
+            let factor = self.log_focal.val().clamp(-1.0, 1.0).exp();
+            let given = leaf(focal.values()?.to_vec(), [2], &factor.device()).val();
+            *focal = (given.detach() * factor).into();
         }
         Ok(camera)
     }
+
+    /// Returns the median over the cameras of the distance by which a point at the given distance ahead has moved in the image,
+    /// in pixels.
+    ///
+    /// # Errors
+    /// If a tensor can't be read.
+    pub fn median_move(&self) -> Result<f64> {
+        let moved = (self.turns.val() + self.shifts.val()).narrow(1, 0, 2);
+        let focal = self.intrinsics.clone().narrow(1, 0, 2);
+        let pixels = host_values(&(moved.detach() * focal).powi_scalar(2).sum_dim(1).sqrt())?;
+        Ok(median(pixels))
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
 }
 
 /// Returns the eye and the axes right, up and forward.

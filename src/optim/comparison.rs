@@ -51,7 +51,7 @@ impl Comparison {
     pub fn new(
         photographs: &[Photograph],
         options: &RenderOptions,
-        view: impl Fn(&Photograph) -> Result<(Scene, Camera)>,
+        mut view: impl FnMut(&Photograph) -> Result<(Scene, Camera)>,
     ) -> Result<Self> {
         let (mut images, mut iou) = (Vec::new(), 0.0);
         let mut device = None;
