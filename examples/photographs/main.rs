@@ -5,7 +5,8 @@
 
 pub(crate) mod results;
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Parser;
@@ -47,7 +48,11 @@ pub(crate) struct Arguments {
 /// What a run has decided by measuring, so that a resumed run does the same.
 #[derive(Serialize, Deserialize, Default)]
 pub(crate) struct Plan {
+    pub folder: PathBuf,
     pub size: usize,
+    pub hold_out: usize,
+    /// The time that has been used.
+    pub seconds: f64,
     /// Whether the light stands in the world.
     pub world: Option<bool>,
     /// Bounces of light, from the second level on.
@@ -55,9 +60,6 @@ pub(crate) struct Plan {
     /// Steps of the levels.
     pub steps: Vec<usize>,
 }
-
-/// A bounce of light has to brighten views by this share to be worth its time.
-const INDIRECT: f64 = 0.01;
 
 pub(crate) type Outcome<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
@@ -70,7 +72,7 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
     if arguments.quick {
         arguments.size = 64;
     }
-    let (size, clock) = (arguments.size, Instant::now());
+    let size = arguments.size;
     let minutes = arguments.minutes.unwrap_or(match (arguments.quick, size) {
         (true, _) => 0.6,
         (_, ..=128) => 2.0,
@@ -79,6 +81,10 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
     });
     let device = softray::device::named(arguments.device.as_deref())?;
     let mut plan = Plan::open(&arguments)?;
+    let used = Duration::from_secs_f64(plan.seconds);
+    let clock = Instant::now()
+        .checked_sub(used)
+        .unwrap_or_else(Instant::now);
     let mut log = results::Log::new(&arguments.out, clock);
     let options = PhotographOptions::new().with_longest_side(size);
     let set = ObjectPhotographs::open(&arguments.folder, arguments.hold_out, options)?;
@@ -118,7 +124,8 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
             let share = (pixels + 32) as f64 / weights.sum::<usize>() as f64;
             let time = Duration::from_secs_f64((share * left).max(0.0));
             plan.steps.push(level.steps_within(time, &start)?);
-            plan.write(&arguments)?;
+            plan.seconds = clock.elapsed().as_secs_f64();
+            plan.write(&arguments.out)?;
         }
         let checkpoints = arguments.out.join("steps").join(index.to_string());
         let fitted = level.fit(start, plan.steps[index], Some(&checkpoints))?;
@@ -132,8 +139,8 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
             };
             let brighter = brightness(1)? / brightness(0)? - 1.0;
             log.line(&format!("a bounce of light adds {:.1} %", 100.0 * brighter))?;
-            plan.bounces = Some(u32::from(brighter > INDIRECT));
-            plan.write(&arguments)?;
+            plan.bounces = Some(u32::from(brighter > 0.01));
+            plan.write(&arguments.out)?;
         }
         asset = Some(fitted);
     }
@@ -178,26 +185,33 @@ fn begin(
 impl Plan {
     /// Takes up a stopped run, or begins a new one.
     fn open(arguments: &Arguments) -> Outcome<Self> {
-        let (steps, plan) = (arguments.out.join("steps"), arguments.out.join("plan.json"));
-        if arguments.resume && plan.exists() {
-            let made: Self = serde_json::from_slice(&std::fs::read(&plan)?)?;
-            let other = format!("{} is of a run with --size {}", plan.display(), made.size);
-            return (made.size == arguments.size)
-                .then_some(made)
-                .ok_or(other.into());
-        }
-        if steps.exists() {
-            std::fs::remove_dir_all(&steps)?;
-        }
-        std::fs::create_dir_all(&arguments.out)?;
-        Ok(Self {
+        let file = arguments.out.join("plan.json");
+        let new = Self {
+            folder: arguments.folder.clone(),
             size: arguments.size,
+            hold_out: arguments.hold_out,
             ..Self::default()
-        })
+        };
+        if arguments.resume && file.exists() {
+            let made: Self = serde_json::from_slice(&fs::read(&file)?)?;
+            let settings = |plan: &Self| (plan.folder.clone(), plan.size, plan.hold_out);
+            let other = format!("{}: other settings: {:?}", file.display(), settings(&made));
+            let same = settings(&made) == settings(&new);
+            return same.then_some(made).ok_or(other.into());
+        }
+        fs::create_dir_all(&arguments.out)?;
+        if arguments.out.join("steps").exists() {
+            fs::remove_dir_all(arguments.out.join("steps"))?;
+        }
+        fs::write(arguments.out.join("log.txt"), "")?;
+        new.write(&arguments.out)?;
+        Ok(new)
     }
 
-    fn write(&self, arguments: &Arguments) -> Outcome<()> {
-        let plan = arguments.out.join("plan.json");
-        Ok(std::fs::write(plan, serde_json::to_vec(self)?)?)
+    /// Replaces the file in one go.
+    fn write(&self, out: &Path) -> Outcome<()> {
+        let [new, file] = ["plan.json.new", "plan.json"].map(|name| out.join(name));
+        fs::write(&new, serde_json::to_vec(self)?)?;
+        Ok(fs::rename(new, file)?)
     }
 }

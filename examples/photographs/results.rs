@@ -1,6 +1,7 @@
 //! What a run writes: numbers, pictures, and the asset.
 
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -18,25 +19,21 @@ use super::{Outcome, measuring};
 pub struct Log {
     out: PathBuf,
     clock: Instant,
-    text: String,
     levels: Vec<Value>,
 }
 
 impl Log {
     pub fn new(out: &Path, clock: Instant) -> Self {
-        Self {
-            out: out.into(),
-            clock,
-            text: String::new(),
-            levels: Vec::new(),
-        }
+        let (out, levels) = (out.into(), Vec::new());
+        Self { out, clock, levels }
     }
 
-    pub fn line(&mut self, text: &str) -> Outcome<()> {
+    pub fn line(&self, text: &str) -> Outcome<()> {
         let line = format!("{:6.1} s  {text}\n", self.clock.elapsed().as_secs_f64());
         eprint!("{line}");
-        self.text += &line;
-        Ok(fs::write(self.out.join("log.txt"), &self.text)?)
+        let mut log = fs::OpenOptions::new();
+        let log = log.append(true).create(true).open(self.out.join("log.txt"));
+        Ok(log?.write_all(line.as_bytes())?)
     }
 
     /// Measures held-out views at the end of a level, and draws them.
@@ -45,12 +42,12 @@ impl Log {
         found.figure(held, 6)?.write(self.out.join("views.png"))?;
         let mut numbers = json!(found);
         if let Some(viewpoints) = &asset.viewpoints {
-            // Those of held-out photographs are as wrong.
+            // The poses of held-out photographs are as inexact.
             let level = AssetLevel::new(held, held[0].camera.size.into_iter().max().unwrap_or(0))?;
-            let registered = level.with_bounces(bounces).register(asset, 30)?;
+            let registered = level.with_bounces(bounces).register(asset, 40)?;
             numbers["poses_refined"] =
                 json!(registered.compare(held, &measuring(bounces), true)?);
-            numbers["poses_moved_pixels"] = viewpoints.median_move()?.into();
+            numbers["poses_moved_degrees"] = viewpoints.median_move()?.into();
         }
         numbers["pixels"] = json!(held.first().map(|p| p.camera.size));
         numbers["faces"] = asset.object.mesh.mesh().faces.len().into();

@@ -8,10 +8,10 @@ use crate::render::RenderOptions;
 use crate::scene::{Camera, Environment, Object, Scene};
 
 /// The field of view of the pictures in degrees, and the distance of the eye, in radii of the object.
-const VIEW: (f64, f64) = (30.0, 4.2);
+const VIEW: (f64, f64) = (30.0, 3.9);
 /// The elevation of the eye, in degrees.
 const ELEVATION: f64 = 15.0;
-/// The rows and columns of the skies, and the rows above the horizon's haze.
+/// The rows and columns of the skies, and the number of upper rows with the first color.
 const SKY: [usize; 3] = [16, 32, 6];
 
 /// Pictures of an object alone, in other light than that in which it was seen: they show what of its colors is light or shadow.
@@ -43,7 +43,6 @@ impl Relighting {
         let (axis, angle) = DQuat::from_rotation_arc(up.into(), DVec3::Y).to_axis_angle();
         object.mesh = object.mesh.rotated(axis.to_array(), angle.to_degrees());
         let bounds = object.mesh.bounds()?;
-        let [width, height, depth] = bounds.size();
         object.mesh = object.mesh.translated(bounds.center().map(|x| -x));
         let device = object.mesh.vertices.device();
         let [rows, columns, above] = SKY;
@@ -63,7 +62,7 @@ impl Relighting {
                 ("cool sky", under([1.3, 1.6, 2.0], [0.25, 0.22, 0.2])),
                 ("warm floor", under([0.15, 0.15, 0.2], [1.5, 1.0, 0.6])),
             ],
-            radius: 0.5 * width.hypot(depth).max(height),
+            radius: bounds.radius(),
         })
     }
 

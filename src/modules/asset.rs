@@ -98,7 +98,7 @@ impl AssetParams {
     /// 2 · `rows` texels.
     ///
     /// # Errors
-    /// As the two.
+    /// As [`TexturedMeshParams::remeshed`] and [`EnvironmentParams::resized`].
     pub fn remeshed(self, mesh: &TriangleMesh, texel: f64, rows: usize) -> Result<Self> {
         Ok(Self {
             object: self.object.remeshed(mesh, texel)?,
@@ -107,11 +107,13 @@ impl AssetParams {
         })
     }
 
-    /// Adds corrections of the photographs' cameras, which are all those of [`AssetParams::from_photographs`] in any size.
+    /// Adds corrections of cameras: `photographs` are those given to [`AssetParams::from_photographs`], in the same order, at
+    /// any size.
     ///
     /// # Errors
-    /// As [`ViewpointParams::from_cameras`].
+    /// If their number is another, and those of [`ViewpointParams::from_cameras`].
     pub fn with_viewpoints(self, photographs: &[Photograph]) -> Result<Self> {
+        self.check_count(photographs.len())?;
         let given = |p: &Photograph| {
             let own = p.camera.in_own_frame();
             let camera = if self.light_stands { p.camera } else { own };
@@ -128,8 +130,20 @@ impl AssetParams {
         })
     }
 
+    /// Checks that there are as many photographs as those to which this is fitted.
+    pub(super) fn check_count(&self, count: usize) -> Result<()> {
+        let [expected, _] = self.exposure.log_factors.val().dims();
+        Error::unless(
+            count == expected,
+            "asset",
+            "photographs",
+            count,
+            &expected.to_string(),
+        )
+    }
+
     /// Returns the same object and light for other photographs, such as held-out ones: only corrections of their cameras are
-    /// trained, with the common factor of the focal lengths as a start.
+    /// trained. The common factor of the focal lengths stays.
     ///
     /// # Errors
     /// As [`ExposureParamsConfig::init`] and [`ViewpointParams::from_cameras`].
@@ -142,8 +156,9 @@ impl AssetParams {
             ..self.clone()
         };
         let mut asset = known.no_grad().with_viewpoints(photographs)?;
-        if let (Some(new), Some(old)) = (&mut asset.viewpoints, &self.viewpoints) {
-            new.log_focal = old.log_focal.clone().no_grad();
+        if let Some(new) = &mut asset.viewpoints {
+            let known = self.viewpoints.as_ref().unwrap_or(new);
+            new.log_focal = known.log_focal.clone().no_grad();
         }
         Ok(asset)
     }
@@ -181,8 +196,8 @@ impl AssetParams {
         Ok((scene, camera))
     }
 
-    /// Compares renders with those photographs of a list whose indices are in `views`, by [`PhotographLoss`] of two renders with
-    /// a common hierarchy. The first options are those of the render for the errors, the others those of the render for the
+    /// Compares renders with those photographs of a list whose indices are in `views`, by [`PhotographLoss`] of two renders that
+    /// share one [`HierarchyCache`]. The first options are those of the render for the errors, the others those of the render for the
     /// derivatives; they need other seeds. The size is that of the photographs.
     ///
     /// # Errors
@@ -220,11 +235,10 @@ impl AssetParams {
         loss.forward(&errors?, &image?, Some(self.exposure.factors(views)?))
     }
 
-    /// A penalty `[1]` for a loss of about 1, by what the object looks like with `surface`, the metallic shares and values of
-    /// roughness that [`TexturedMeshParams::surface`] returns. Its terms, as those of nvdiffrec (Munkberg et al. 2022): light
-    /// and textures are smooth ([`loss::smoothness`], of logarithms and logits); light is white, relative to its power, because
-    /// colors are judged under it; and what looks the same as paint and as rough metal is paint, as most things are
-    /// (metallic · roughness).
+    /// Returns a penalty `[1]`, to add to a loss whose value is about 1, from the metallic shares and values of roughness
+    /// `[S, S]` that [`TexturedMeshParams::surface`] returns. Light and textures are smooth ([`loss::smoothness`] of logarithms
+    /// and logits). Light is white, relative to its power, because colors are judged under it (as in nvdiffrec, Munkberg et al.
+    /// 2022). What looks the same as paint and as rough metal is paint, as most things are (metallic · roughness).
     ///
     /// # Errors
     /// If a texture is empty.
@@ -258,16 +272,23 @@ impl AssetParams {
         HostImage::from_tensor(&asset.sky.texels())?.write(folder.join("light.exr"))
     }
 
-    /// Measures how well photographs agree: with the cameras that they have, or `corrected`, as those of the parameters.
+    /// Measures how well photographs agree. If `corrected`, these are all that are fitted to, in their order, and their cameras
+    /// are corrected; else they can be any, and only the common factor of the focal lengths corrects their cameras.
     ///
     /// # Errors
-    /// As [`Comparison::new`].
+    /// If `corrected` and there are no corrections or those of another number of photographs, and those of
+    /// [`Comparison::new`].
     pub fn compare(
         &self,
         photographs: &[Photograph],
         options: &RenderOptions,
         corrected: bool,
     ) -> Result<Comparison> {
+        if corrected {
+            self.check_count(photographs.len())?;
+            let there = self.viewpoints.is_some();
+            Error::unless(there, "asset", "viewpoints", "none", "with_viewpoints")?;
+        }
         let asset = self.valid();
         let (object, sky) = (asset.object.object()?, asset.sky.environment());
         let mut indices = 0..;

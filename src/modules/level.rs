@@ -13,7 +13,7 @@ use crate::optim::{Evaluation, Fit, LargeSteps, LargeStepsConfig, Rate, Step};
 use crate::photographs::{Batches, Photograph, crop_to_masks};
 use crate::render::RenderOptions;
 
-/// Photographs of fewer pixels are those of a first level.
+/// A level with a smaller longest side in pixels counts as a first one.
 const FIRST: usize = 64;
 /// The weights of the errors of colors and of outlines.
 const WEIGHTS: [f64; 2] = [40.0, 10.0];
@@ -21,12 +21,12 @@ const WEIGHTS: [f64; 2] = [40.0, 10.0];
 const END: f64 = 0.2;
 /// The first and the last rate of vertices at a first level, and later.
 const MOVES: [[f64; 2]; 2] = [[0.09, 0.004], [0.03, 0.003]];
-/// The first and the last rate of corrections of cameras.
-const POSES: [f64; 2] = [1e-4, 1e-5];
-/// The part of large steps that is smooth ([`LargeStepsConfig`]).
+/// The first and the last rate of corrections of cameras, in a fit of all parameters and in one of them alone.
+const POSES: [[f64; 2]; 2] = [[1e-4, 1e-5], [5e-4, 2e-5]];
+/// λ of the large steps ([`LargeStepsConfig`]).
 const SMOOTH: f64 = 4.0;
 
-/// A level of a fit of [`AssetParams`] to photographs from coarse to fine, which all have the same size.
+/// One level of a coarse-to-fine fit of [`AssetParams`]. All its photographs have one size.
 ///
 /// A fit begins with small photographs and the visual hull of their masks. Each level has photographs of twice the size, a mesh
 /// that [`meshing::renew`](crate::meshing::renew) has made finer, and textures of that size; it moves the vertices, by
@@ -68,7 +68,7 @@ pub struct AssetLevel {
 
 impl AssetLevel {
     /// Shrinks photographs of an object in the unit ball about the origin to a longest side of `size` pixels. The mesh moves,
-    /// and light does not bounce.
+    /// and light does not bounce. Below 64 pixels, steps are larger and less noisy, to find the light.
     ///
     /// # Errors
     /// If there is no photograph, and those of [`Photograph::shrunk`] and [`crop_to_masks`].
@@ -90,7 +90,7 @@ impl AssetLevel {
         })
     }
 
-    /// Sets whether the mesh stays, and has a normal map.
+    /// Sets whether [`AssetLevel::refine`] ends the training of the vertices and adds a normal map.
     #[must_use]
     pub fn with_still_mesh(mut self, still: bool) -> Self {
         self.still = still;
@@ -142,7 +142,8 @@ impl AssetLevel {
     /// # Errors
     /// As [`AssetParams::for_photographs`] and [`AssetLevel::fit`].
     pub fn register(&self, asset: &AssetParams, steps: usize) -> Result<AssetParams> {
-        self.fit(asset.for_photographs(&self.photographs)?, steps, None)
+        let asset = asset.for_photographs(&self.photographs)?;
+        self.fit_with(asset, steps, None, POSES[1])
     }
 
     /// The loss of a step. The render for the errors needs no derivatives, so it has more samples.
@@ -181,6 +182,17 @@ impl AssetLevel {
         steps: usize,
         checkpoints: Option<&Path>,
     ) -> Result<AssetParams> {
+        self.fit_with(asset, steps, checkpoints, POSES[0])
+    }
+
+    fn fit_with(
+        &self,
+        asset: AssetParams,
+        steps: usize,
+        checkpoints: Option<&Path>,
+        poses: [f64; 2],
+    ) -> Result<AssetParams> {
+        asset.check_count(self.photographs.len())?;
         let mesh = asset.object.mesh.mesh();
         let large = LargeSteps::from_mesh(&mesh, &LargeStepsConfig::default().with_lambda(SMOOTH))?;
         let group = ParamGroup::from_path;
@@ -194,10 +206,8 @@ impl AssetLevel {
             Rate::exponential(start, end),
             if self.first { 0.4 } else { 0.2 },
         );
-        let (posed, poses) = (
-            asset.viewpoints.is_some(),
-            Rate::exponential(POSES[0], POSES[1]),
-        );
+        let posed = asset.viewpoints.is_some();
+        let poses = Rate::exponential(poses[0], poses[1]);
         let rates = [
             (true, vertices, moves),
             (true, "object.base_color.logit_texels", falling(0.4)),

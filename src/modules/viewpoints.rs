@@ -123,22 +123,17 @@ impl ViewpointParams {
         Ok(camera)
     }
 
-    /// Returns the median over the cameras of the distance by which a point at the given distance ahead has moved in the image,
-    /// in pixels.
+    /// Returns the median over the cameras of the angle by which turn and shift have moved a point on the view axis at the
+    /// distance of [`ViewpointParams::from_cameras`] in the image, in degrees. Roll and focal lengths do not count.
     ///
     /// # Errors
     /// If a tensor can't be read.
     pub fn median_move(&self) -> Result<f64> {
         let moved = (self.turns.val() + self.shifts.val()).narrow(1, 0, 2);
-        let focal = self.intrinsics.clone().narrow(1, 0, 2);
-        let pixels = host_values(&(moved.detach() * focal).powi_scalar(2).sum_dim(1).sqrt())?;
-        Ok(median(pixels))
+        let mut moved = host_values(&moved.detach().powi_scalar(2).sum_dim(1).sqrt())?;
+        moved.sort_by(f64::total_cmp);
+        Ok(moved[moved.len() / 2].atan().to_degrees())
     }
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }
 
 /// Returns the eye and the axes right, up and forward.

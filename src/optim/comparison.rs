@@ -43,7 +43,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Renders the scene and camera that `view` returns for each photograph, without the environment that is seen beside the
+    /// Renders the scene and camera that `view`, called once for each photograph in order, returns for it, without the environment that is seen beside the
     /// objects, at the photograph's size (that of `options` does not count), and compares.
     ///
     /// # Errors

@@ -8,8 +8,8 @@ use super::{Dialect, Photograph, PhotographOptions, Photographs, Region, Split};
 use crate::error::{Error, Result};
 use crate::meshing::{HullOptions, TriangleMesh, visual_hull};
 
-/// A hull of all masks that has less than this part of the volume of one that allows a point to be outside of a mask has
-/// been cut by a mask that leaves out a part of the object.
+/// The least part of the volume of a hull that tolerates one mask that the hull of all masks has, if no mask cuts off a part of
+/// the object.
 const WHOLE: f64 = 0.93;
 
 /// Photographs of an object with masks, for a fit and for its measurement, in a world in which the object is in the unit ball
@@ -40,8 +40,8 @@ pub struct ObjectPhotographs {
 }
 
 impl ObjectPhotographs {
-    /// Opens the set in a folder ([`Photographs::open`]) and loads all photographs, black beside the object. If the set has no
-    /// split for tests, each `hold_out`-th photograph is held out.
+    /// Opens the set in a folder ([`Photographs::open`]) and loads its photographs for training and tests, black beside the
+    /// object. If the set has no split for tests, each `hold_out`-th photograph is held out.
     ///
     /// # Errors
     /// If a photograph has no mask, and those of [`Photographs::open`], [`Photographs::split_every`], [`Photographs::load`]
@@ -75,8 +75,9 @@ impl ObjectPhotographs {
         })
     }
 
-    /// Returns the visual hull of the photographs to fit. If a mask cuts off a part of the object, it is that of the others:
-    /// a point may then be outside of one mask.
+    /// Returns the visual hull of the photographs to fit. If it has less than 93 % of the volume of a hull in which a point may
+    /// be outside of one mask, a mask cuts off a part of the object, and the second hull is returned. The tolerance of the
+    /// options does not count.
     ///
     /// # Errors
     /// As [`visual_hull`].
@@ -91,7 +92,8 @@ impl ObjectPhotographs {
         Ok(exact.ok().filter(whole).unwrap_or(tolerant))
     }
 
-    /// Returns what the photographs show as up, a unit vector: the mean of the cameras' up vectors.
+    /// Returns what the photographs show as up, a unit vector: the mean of the cameras' up vectors, or +y if
+    /// this is 0.
     pub fn up(&self) -> [f64; 3] {
         let up = |p: &Photograph| DVec3::from(p.camera.to_world.map(|row| row[1]));
         let mean = self.train.iter().map(up).sum::<DVec3>();

@@ -20,10 +20,11 @@ fn asset_of_the_ring() {
     fs::create_dir_all(&out).expect("a folder");
     let _ = fs::remove_dir_all(out.join("steps"));
     let plan = Plan {
+        folder: SET.into(),
         size: 64,
-        world: None,
-        bounces: None,
+        hold_out: 8,
         steps: vec![100, 60, 60],
+        ..Plan::default()
     };
     let text = serde_json::to_string(&plan).expect("numbers");
     fs::write(out.join("plan.json"), text).expect("a file");

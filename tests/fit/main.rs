@@ -20,6 +20,8 @@ mod output;
 #[cfg(feature = "photographs")]
 mod photographs;
 mod point_clouds;
+#[cfg(feature = "photographs")]
+mod poses;
 mod run;
 mod schedule;
 mod similarity;

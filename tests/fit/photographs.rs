@@ -4,10 +4,9 @@ use crate::common::errors::{message, says};
 use crate::common::tensors::values;
 use burn::optim::{AdamConfig, GradientsParams};
 use softray::loss::PhotographLoss;
-use softray::meshing::{HullOptions, renew};
-use softray::modules::{AssetLevel, ExposureParamsConfig, SurfaceNetworkConfig};
+use softray::modules::{ExposureParamsConfig, SurfaceNetworkConfig};
 use softray::optim::Comparison;
-use softray::photographs::{ObjectPhotographs, Photograph, PhotographOptions, Photographs, Region};
+use softray::photographs::{Photograph, PhotographOptions, Photographs, Region};
 use softray::prelude::*;
 
 /// Two pixels of one color, beside each other.
@@ -389,38 +388,5 @@ fn frames_of_photographs() {
     assert!(
         (0..3).all(|c| (mean[c] / expected[c] - 1.0).abs() < 0.1),
         "{mean:?}"
-    );
-}
-
-/// Cameras that were turned by a known angle are turned back, beside those that were not.
-#[test]
-fn held_out_cameras_are_found() {
-    const ANGLE: f64 = 0.003;
-    let options = PhotographOptions::new().with_longest_side(24);
-    let set = ObjectPhotographs::open("tests/data/photographs", 8, options).expect("a set");
-    let hull = set.visual_hull(&HullOptions::default().with_resolution(32));
-    let level = AssetLevel::new(&set.train, 24).expect("a level");
-    let mesh = renew(&hull.expect("a hull"), level.edge()).expect("a mesh");
-    let asset = level.begin(&mesh, true, &Device::flex()).expect("a start");
-    let turns = |angle: f64| -> Vec<f64> {
-        let mut held = set.held_out.clone();
-        for row in held.iter_mut().flat_map(|p| &mut p.camera.to_world) {
-            let [right, backward] = [row[0], row[2]];
-            (row[0], row[2]) = (right + angle * backward, backward - angle * right);
-        }
-        let level = AssetLevel::new(&held, 24).expect("a level");
-        let found = level.register(&asset, 60).expect("cameras");
-        let start = values(&asset.object.mesh.vertices.val());
-        assert_eq!(start, values(&found.object.mesh.vertices.val()));
-        let cameras = found.viewpoints.expect("corrections");
-        assert!(cameras.median_move().expect("pixels") > 0.0);
-        let moves = values(&(cameras.turns.val() + cameras.shifts.val()));
-        moves.into_iter().step_by(3).collect()
-    };
-    let pairs: Vec<_> = turns(0.0).into_iter().zip(turns(ANGLE)).collect();
-    let back = pairs.iter().map(|(a, b)| a - b).sum::<f64>() / pairs.len() as f64;
-    assert!(
-        (back / ANGLE - 1.0).abs() < 0.3,
-        "{back} of {ANGLE}: {pairs:?}"
     );
 }

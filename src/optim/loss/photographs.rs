@@ -23,7 +23,7 @@ const OUTLIER: f64 = 1.0;
 ///
 /// Colors are compared where the mask and the render show nothing but the object, because a photograph is masked and a render
 /// is not. The error of a channel is the difference of sRGB values, so that it counts as it looks; below a linear value of
-/// 0.02, where the curve is steep and photographs are noisy, the curve is its tangent. Errors ρ(e) are quadratic up to about 1
+/// 0.02, where the curve is steep and photographs are noisy, its tangent at 0.02 replaces it. Errors ρ(e) are quadratic up to about 1
 /// and linear beyond (pseudo-Huber, Charbonnier et al. 1997): only a render that is brighter than white is an outlier. A
 /// clipped channel says "at least": a brighter render has no error there.
 ///
@@ -31,7 +31,8 @@ const OUTLIER: f64 = 1.0;
 /// The square of a noisy value is too large by its variance, so a fit by it prefers what has less noise: a matt surface to a
 /// glossy one. Here two independent renders are multiplied, as in [`mse_unbiased`](super::mse_unbiased): the errors are the
 /// values of one render, which is detached, and gradients come from the other one. The first needs no backward pass, so it can
-/// have more samples. Noise does not bias the gradient where the loss is quadratic; it does for outliers and clipped channels.
+/// have more samples. Noise of variance σ² biases the gradient by the bend of the sRGB curve alone, as if a value v were too
+/// dark by about 0.3·σ²/v, and by outliers and clipped channels.
 ///
 /// ```
 /// use softray::loss::PhotographLoss;
