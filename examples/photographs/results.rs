@@ -57,7 +57,7 @@ impl Log {
     }
 
     /// Writes `metrics.json`.
-    pub fn finish(mut self, mesh: &TriangleMesh, stands: bool) -> Outcome<()> {
+    pub fn finish(self, mesh: &TriangleMesh, stands: bool) -> Outcome<()> {
         let numbers = json!({
             "levels": self.levels,
             "light": if stands { "stands in the world" } else { "turns with the camera" },

@@ -7,8 +7,9 @@ use crate::io::Animation;
 use crate::render::RenderOptions;
 use crate::scene::{Camera, Environment, Object, Scene};
 
-/// The field of view of the pictures in degrees, and the distance of the eye, in radii of the object.
-const VIEW: (f64, f64) = (30.0, 3.9);
+/// The field of view of the pictures in degrees, and the distance of the eye, in radii of the object about
+/// the center of its bounds.
+const VIEW: (f64, f64) = (30.0, 4.2);
 /// The elevation of the eye, in degrees.
 const ELEVATION: f64 = 15.0;
 /// The rows and columns of the skies, and the number of upper rows with the first color.
@@ -44,6 +45,8 @@ impl Relighting {
         object.mesh = object.mesh.rotated(axis.to_array(), angle.to_degrees());
         let bounds = object.mesh.bounds()?;
         object.mesh = object.mesh.translated(bounds.center().map(|x| -x));
+        let vertices = object.mesh.host_vertices()?;
+        let lengths = vertices.iter().map(|v| DVec3::from(*v).length());
         let device = object.mesh.vertices.device();
         let [rows, columns, above] = SKY;
         let under = |top: [f32; 3], bottom: [f32; 3]| {
@@ -62,7 +65,7 @@ impl Relighting {
                 ("cool sky", under([1.3, 1.6, 2.0], [0.25, 0.22, 0.2])),
                 ("warm floor", under([0.15, 0.15, 0.2], [1.5, 1.0, 0.6])),
             ],
-            radius: bounds.radius(),
+            radius: lengths.fold(0.0, f64::max),
         })
     }
 

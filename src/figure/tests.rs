@@ -130,3 +130,44 @@ fn mistakes_are_named() {
         .expect("a page");
     assert_eq!(empty.height, 2 * MARGIN);
 }
+
+/// Up is up in pictures, the object is wholly in view from all sides, and a tilt of `up` is undone.
+#[test]
+fn relit_objects_stand_upright() {
+    let device = burn::tensor::Device::flex();
+    let tall = crate::scene::shapes::cube(&device).scaled([0.3, 1.0, 0.1]);
+    let tall = tall.translated([2.0, 0.0, 0.0]);
+    let shown = |axis: [f64; 3], angle: f64, up: [f64; 3]| {
+        let object = crate::scene::Object::new(tall.clone().rotated(axis, angle));
+        let frames = Relighting::new(&object, up)
+            .expect("an object")
+            .turntable(32);
+        frames.expect("pictures").frames().to_vec()
+    };
+    let upright = shown([1.0, 0.0, 0.0], 0.0, [0.0, 1.0, 0.0]);
+    assert_eq!(upright.len(), 36);
+    for image in &upright {
+        let at = |x: usize, y: usize| image.pixels[3 * (32 * y + x) + 2];
+        let border = (0..32).flat_map(|k| [at(k, 0), at(k, 31), at(0, k), at(31, k)]);
+        let floor = at(0, 31);
+        let border: Vec<f32> = border.collect();
+        assert!(
+            border.iter().all(|v| (v - floor).abs() < 0.02),
+            "{border:?}"
+        );
+        let column = (0..32)
+            .filter(|&y| (at(15, y) - floor).abs() > 0.02)
+            .count();
+        let row = (0..32)
+            .filter(|&x| (at(x, 15) - floor).abs() > 0.02)
+            .count();
+        assert!(column > row, "{column} {row}");
+    }
+    let turned = shown([1.0, 0.0, 0.0], 90.0, [0.0, 0.0, 1.0]);
+    let mean = |images: &[HostImage]| images.iter().flat_map(HostImage::mean).sum::<f64>();
+    let ratio = mean(&turned) / mean(&upright);
+    assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
+    let object = crate::scene::Object::new(tall.clone());
+    let error = Relighting::new(&object, [0.0, 2.0, 0.0]).expect_err("no unit vector");
+    assert!(error.to_string().contains("a unit vector"), "{error}");
+}
