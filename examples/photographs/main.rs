@@ -131,7 +131,9 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
         let fitted = level.fit(start, plan.steps[index], Some(&checkpoints))?;
         mesh = fitted.object.triangle_mesh()?;
         let held = set.held_out.iter().map(|p| p.shrunk(pixels));
-        log.level(&fitted, &held.collect::<Result<Vec<_>>>()?, bounces)?;
+        let held = held.collect::<Result<Vec<_>>>()?;
+        let last = index + 1 == sizes.len();
+        log.level(&fitted, &held, bounces, last)?;
         if plan.bounces.is_none() {
             let brightness = |bounces| -> Result<f64> {
                 let found = fitted.compare(&few(&level), &measuring(bounces), false)?;
@@ -195,7 +197,11 @@ impl Plan {
         if arguments.resume && file.exists() {
             let made: Self = serde_json::from_slice(&fs::read(&file)?)?;
             let settings = |plan: &Self| (plan.folder.clone(), plan.size, plan.hold_out);
-            let other = format!("{}: other settings: {:?}", file.display(), settings(&made));
+            let other = format!(
+                "{}: a run of other (folder, size, n): {:?}",
+                file.display(),
+                settings(&made)
+            );
             let same = settings(&made) == settings(&new);
             return same.then_some(made).ok_or(other.into());
         }
