@@ -131,9 +131,7 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
         let fitted = level.fit(start, plan.steps[index], Some(&checkpoints))?;
         mesh = fitted.object.triangle_mesh()?;
         let held = set.held_out.iter().map(|p| p.shrunk(pixels));
-        let held = held.collect::<Result<Vec<_>>>()?;
-        let last = index + 1 == sizes.len();
-        log.level(&fitted, &held, bounces, last)?;
+        log.level(&fitted, &held.collect::<Result<Vec<_>>>()?, bounces)?;
         if plan.bounces.is_none() {
             let brightness = |bounces| -> Result<f64> {
                 let found = fitted.compare(&few(&level), &measuring(bounces), false)?;

@@ -37,16 +37,11 @@ impl Log {
     }
 
     /// Measures held-out views at the end of a level, and draws them.
-    pub fn level(
-        &mut self,
-        asset: &AssetParams,
-        held: &[Photograph],
-        bounces: u32,
-        last: bool,
-    ) -> Outcome<()> {
+    pub fn level(&mut self, asset: &AssetParams, held: &[Photograph], bounces: u32) -> Outcome<()> {
         let found = asset.compare(held, &measuring(bounces), false)?;
         found.figure(held, 6)?.write(self.out.join("views.png"))?;
         let mut numbers = json!(found);
+        let last = asset.object.normal_map.is_some();
         if let Some(viewpoints) = asset.viewpoints.as_ref().filter(|_| last) {
             // The poses of held-out photographs are as inexact.
             let level = AssetLevel::new(held, held[0].camera.size.into_iter().max().unwrap_or(0))?;
