@@ -135,8 +135,19 @@ fn mistakes_are_named() {
 #[test]
 fn relit_objects_stand_upright() {
     let device = burn::tensor::Device::flex();
-    let tall = crate::scene::shapes::cube(&device).scaled([0.3, 1.0, 0.1]);
-    let tall = tall.translated([2.0, 0.0, 0.0]);
+    // A pyramid with its top up.
+    let base = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    let base = base.map(|[x, z]| [2.0 + 0.4 * x, -1.0, 0.4 * z]);
+    let corners = [base.as_slice(), &[[2.0, 1.0, 0.0]]].concat();
+    let faces = vec![
+        [0, 1, 2],
+        [0, 2, 3],
+        [1, 0, 4],
+        [2, 1, 4],
+        [3, 2, 4],
+        [0, 3, 4],
+    ];
+    let tall = crate::scene::Mesh::from_host(&corners, faces, &device);
     let shown = |axis: [f64; 3], angle: f64, up: [f64; 3]| {
         let object = crate::scene::Object::new(tall.clone().rotated(axis, angle));
         let frames = Relighting::new(&object, up)
@@ -145,25 +156,18 @@ fn relit_objects_stand_upright() {
         frames.expect("pictures").frames().to_vec()
     };
     let upright = shown([1.0, 0.0, 0.0], 0.0, [0.0, 1.0, 0.0]);
-    assert_eq!(upright.len(), 36);
-    for image in &upright {
-        let at = |x: usize, y: usize| image.pixels[3 * (32 * y + x) + 2];
-        let border = (0..32).flat_map(|k| [at(k, 0), at(k, 31), at(0, k), at(31, k)]);
-        let floor = at(0, 31);
-        let border: Vec<f32> = border.collect();
-        assert!(
-            border.iter().all(|v| (v - floor).abs() < 0.02),
-            "{border:?}"
-        );
-        let column = (0..32)
-            .filter(|&y| (at(15, y) - floor).abs() > 0.02)
-            .count();
-        let row = (0..32)
-            .filter(|&x| (at(x, 15) - floor).abs() > 0.02)
-            .count();
-        assert!(column > row, "{column} {row}");
-    }
     let turned = shown([1.0, 0.0, 0.0], 90.0, [0.0, 0.0, 1.0]);
+    assert_eq!([upright.len(), turned.len()], [36; 2]);
+    for image in upright.iter().chain(&turned) {
+        let at = |x: usize, y: usize| image.pixels[3 * (32 * y + x) + 2];
+        let floor = at(0, 31);
+        let shows = |&(x, y): &(usize, usize)| (at(x, y) - floor).abs() > 0.02;
+        let border = (0..32).flat_map(|k| [(k, 0), (k, 31), (0, k), (31, k)]);
+        assert_eq!(border.filter(shows).count(), 0);
+        let width = |y: usize| (0..32).map(|x| (x, y)).filter(shows).count();
+        let halves = [0..16, 16..32].map(|rows| rows.map(width).sum::<usize>());
+        assert!(halves[1] > 2 * halves[0] && halves[0] > 0, "{halves:?}");
+    }
     let mean = |images: &[HostImage]| images.iter().flat_map(HostImage::mean).sum::<f64>();
     let ratio = mean(&turned) / mean(&upright);
     assert!((ratio - 1.0).abs() < 0.02, "{ratio}");

@@ -32,3 +32,4 @@ pub use repair::{RepairOptions, Repaired, repair};
 pub use silhouette::Silhouette;
 pub use smooth::{SmoothOptions, smooth};
 pub use statistics::MeshStatistics;
+pub(crate) use statistics::median;

@@ -4,6 +4,7 @@ use super::mesh::TriangleMesh;
 use super::remesh::{RemeshOptions, remesh};
 use super::repair::{RepairOptions, repair};
 use super::smooth::{SmoothOptions, smooth};
+use super::statistics::{edge_lengths, median};
 use crate::error::Result;
 
 /// From this ratio of the old edges to the new ones on, a mesh becomes finer.
@@ -17,14 +18,13 @@ const FINER: f64 = 1.4;
 /// As [`repair`], [`remesh`] and [`smooth`] return them.
 pub fn renew(mesh: &TriangleMesh, edge: f64) -> Result<TriangleMesh> {
     let sound = RepairOptions::default().with_edge_length(edge);
-    let longer = mesh.statistics()?.median_edge / edge;
-    let even = remesh(&repair(mesh, &sound)?.mesh, &RemeshOptions::uniform(edge))?.mesh;
-    let even = if longer > FINER {
+    let old = repair(mesh, &sound)?.mesh;
+    let mut even = remesh(&old, &RemeshOptions::uniform(edge))?.mesh;
+    let longer = median(&edge_lengths(&old)) / edge;
+    if longer > FINER {
         // Taubin's filter has the width √steps edges.
         let steps = (2.5 * longer * longer).round() as usize;
-        smooth(&even, &SmoothOptions::default().with_steps(steps))?
-    } else {
-        even
-    };
+        even = smooth(&even, &SmoothOptions::default().with_steps(steps))?;
+    }
     Ok(repair(&even, &sound)?.mesh)
 }

@@ -87,7 +87,7 @@ pub(super) fn edge_lengths(mesh: &TriangleMesh) -> Vec<f64> {
 }
 
 /// The median of a list, 0 of an empty one.
-pub(super) fn median(values: &[f64]) -> f64 {
+pub(crate) fn median(values: &[f64]) -> f64 {
     let mut values = values.to_vec();
     if values.is_empty() {
         return 0.0;

@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::values::leaf;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
+use crate::meshing::median;
 use crate::scene::{Camera, Projection};
 
 /// The cameras of a set of photographs, each with a small trained turn and shift, and a common factor of their focal
@@ -130,9 +131,8 @@ impl ViewpointParams {
     /// If a tensor can't be read.
     pub fn median_move(&self) -> Result<f64> {
         let moved = (self.turns.val() + self.shifts.val()).narrow(1, 0, 2);
-        let mut moved = host_values(&moved.detach().powi_scalar(2).sum_dim(1).sqrt())?;
-        moved.sort_by(f64::total_cmp);
-        Ok(moved[moved.len() / 2].atan().to_degrees())
+        let moved = host_values(&moved.detach().powi_scalar(2).sum_dim(1).sqrt())?;
+        Ok(median(&moved).atan().to_degrees())
     }
 }
 

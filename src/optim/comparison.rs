@@ -43,8 +43,9 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Renders the scene and camera that `view`, called once for each photograph in order, returns for it, without the environment that is seen beside the
-    /// objects, at the photograph's size (that of `options` does not count), and compares.
+    /// Renders the scene and camera that `view` returns for each photograph, and compares. `view` is called once for each, in
+    /// order. The environment that is seen beside the objects is left out, and the size is the photograph's (that of
+    /// `options` does not count).
     ///
     /// # Errors
     /// If there is no photograph, a mask has no pixel above 0.5, or a render fails; and those of `view`.

@@ -3,9 +3,8 @@
 //! [`Photographs::open`] reads the cameras of a folder in the forms of NeRF, instant-ngp, nerfstudio, COLMAP, LLFF and
 //! NeuS. [`Photographs::load`] reads the photographs: it undoes the distortion of lenses, shrinks in linear light, and
 //! finds masks. [`ViewCamera::to_camera`] gives the camera with which a scene is rendered to compare it with a photograph.
-//! [`ObjectPhotographs`] does both for the
-//! photographs of one object. [`Batches`] chooses mini-batches of views and tiles, [`Photograph::levels`] makes coarse levels, and [`Region`] is
-//! where the object is.
+//! [`ObjectPhotographs`] does both for the photographs of one object. [`Batches`] chooses mini-batches of views and tiles,
+//! [`Photograph::levels`] makes coarse levels, and [`Region`] is where the object is.
 //!
 //! All cameras have the same axes and pixels, whatever the file's are: camera-to-world in the axes of OpenGL (x right,
 //! y up, the camera looks along −z), and pixels whose centers are at (0.5, 0.5), (1.5, 0.5), and so on.

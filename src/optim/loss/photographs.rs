@@ -23,8 +23,8 @@ const OUTLIER: f64 = 1.0;
 ///
 /// Colors are compared where the mask and the render show nothing but the object, because a photograph is masked and a render
 /// is not. The error of a channel is the difference of sRGB values, so that it counts as it looks; below a linear value of
-/// 0.02, where the curve is steep and photographs are noisy, its tangent at 0.02 replaces it. Errors ρ(e) are quadratic up to about 1
-/// and linear beyond (pseudo-Huber, Charbonnier et al. 1997): only a render that is brighter than white is an outlier. A
+/// 0.02, where the curve is steep and photographs are noisy, its tangent at 0.02 replaces it. Errors ρ(e) are quadratic up
+/// to about 1 and linear beyond (pseudo-Huber, Charbonnier et al. 1997): only a render that is brighter than white is an outlier. A
 /// clipped channel says "at least": a brighter render has no error there.
 ///
 /// # Noise
