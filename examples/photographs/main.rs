@@ -14,7 +14,8 @@ use serde::{Deserialize, Serialize};
 use softray::Result;
 use softray::meshing::{HullOptions, SmoothOptions, TriangleMesh, renew, smooth};
 use softray::modules::{AssetLevel, AssetParams};
-use softray::photographs::{Dialect, ObjectPhotographs, Photograph, PhotographOptions};
+use softray::optim::Comparison;
+use softray::photographs::{Dialect, ObjectPhotographs, PhotographOptions};
 use softray::prelude::*;
 
 /// Fits a mesh, its textures and the light to photographs.
@@ -82,27 +83,22 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
     let device = softray::device::named(arguments.device.as_deref())?;
     let mut plan = Plan::open(&arguments)?;
     let used = Duration::from_secs_f64(plan.seconds);
-    let clock = Instant::now()
-        .checked_sub(used)
-        .unwrap_or_else(Instant::now);
+    let now = Instant::now();
+    let clock = now.checked_sub(used).unwrap_or(now);
     let mut log = results::Log::new(&arguments.out, clock);
     let options = PhotographOptions::new().with_longest_side(size);
     let set = ObjectPhotographs::open(&arguments.folder, arguments.hold_out, options)?;
     let hull = set.visual_hull(&HullOptions::default().with_resolution(96))?;
     let mut mesh = smooth(&hull, &SmoothOptions::default())?;
     set.notes.iter().try_for_each(|note| log.line(note))?;
-    let counts = [set.train.len(), set.held_out.len()];
-    log.line(&format!(
-        "{} photographs, {} held out",
-        counts[0], counts[1]
-    ))?;
+    let [train, held] = [set.train.len(), set.held_out.len()];
+    log.line(&format!("{train} photographs, {held} held out"))?;
 
     // Sizes that double from about 32 pixels on, and the whole size again.
     let halved = (0..).map(|k| size >> k).take_while(|&s| s >= size.min(32));
-    let mut sizes: Vec<usize> = std::iter::once(size).chain(halved).collect();
-    sizes.reverse();
+    let sizes: Vec<usize> = std::iter::once(size).chain(halved).collect();
     let mut asset: Option<AssetParams> = None;
-    for (index, &pixels) in sizes.iter().enumerate() {
+    for (index, &pixels) in sizes.iter().rev().enumerate() {
         let bounces = plan.bounces.filter(|_| index > 0).unwrap_or(0);
         let level = AssetLevel::new(&set.train, pixels)?
             .with_still_mesh(index + 1 == sizes.len())
@@ -113,14 +109,13 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
             Some(asset) => level.refine(asset, &mesh)?,
         };
         // Structure from motion finds poses only nearly.
-        let posed = set.dialect == Dialect::Colmap && 2 * pixels >= size;
-        if posed && start.viewpoints.is_none() {
+        if set.dialect == Dialect::Colmap && start.viewpoints.is_none() && 2 * pixels >= size {
             start = start.with_viewpoints(&level.photographs)?;
         }
         if plan.steps.len() <= index {
             // Finer levels have more of the time that is left.
             let left = 58.0 * minutes - clock.elapsed().as_secs_f64();
-            let weights = sizes[index..].iter().map(|s| s + 32);
+            let weights = sizes[..sizes.len() - index].iter().map(|s| s + 32);
             let share = (pixels + 32) as f64 / weights.sum::<usize>() as f64;
             let time = Duration::from_secs_f64((share * left).max(0.0));
             plan.steps.push(level.steps_within(time, &start)?);
@@ -134,8 +129,8 @@ pub(crate) fn run(mut arguments: Arguments) -> Outcome<()> {
         log.level(&fitted, &held.collect::<Result<Vec<_>>>()?, bounces)?;
         if plan.bounces.is_none() {
             let brightness = |bounces| -> Result<f64> {
-                let found = fitted.compare(&few(&level), &measuring(bounces), false)?;
-                Ok(found.images.iter().flat_map(HostImage::mean).sum())
+                let images = compare_few(&level, &fitted, bounces)?.images;
+                Ok(images.iter().flat_map(HostImage::mean).sum())
             };
             let brighter = brightness(1)? / brightness(0)? - 1.0;
             log.line(&format!("a bounce of light adds {:.1} %", 100.0 * brighter))?;
@@ -155,10 +150,11 @@ pub(crate) fn measuring(bounces: u32) -> RenderOptions {
     options.with_bounces(bounces)
 }
 
-/// About eight of the photographs of a level.
-fn few(level: &AssetLevel) -> Vec<Photograph> {
-    let step = level.photographs.len().div_ceil(8);
-    level.photographs.iter().step_by(step).cloned().collect()
+/// Compares renders with about eight of the photographs of a level.
+fn compare_few(level: &AssetLevel, asset: &AssetParams, bounces: u32) -> Result<Comparison> {
+    let all = &level.photographs;
+    let few: Vec<_> = all.iter().step_by(all.len().div_ceil(8)).cloned().collect();
+    asset.compare(&few, &measuring(bounces), false)
 }
 
 /// The start of the first level: the better one of short fits with a light that stands in the world, and that turns with the
@@ -174,10 +170,8 @@ fn begin(
         return attempt(stands);
     }
     let (standing, turning) = (attempt(true)?, attempt(false)?);
-    let psnr = |asset: &AssetParams| -> Result<f64> {
-        Ok(asset.compare(&few(level), &measuring(0), false)?.psnr_srgb)
-    };
-    let stands = psnr(&standing)? >= psnr(&turning)?;
+    let [still, turned] = [&standing, &turning].map(|asset| compare_few(level, asset, 0));
+    let stands = still?.psnr_srgb >= turned?.psnr_srgb;
     plan.world = Some(stands);
     Ok(if stands { standing } else { turning })
 }
@@ -195,11 +189,8 @@ impl Plan {
         if arguments.resume && file.exists() {
             let made: Self = serde_json::from_slice(&fs::read(&file)?)?;
             let settings = |plan: &Self| (plan.folder.clone(), plan.size, plan.hold_out);
-            let other = format!(
-                "{}: a run of other (folder, size, n): {:?}",
-                file.display(),
-                settings(&made)
-            );
+            let (path, run) = (file.display(), settings(&made));
+            let other = format!("{path}: a run of other (folder, size, n): {run:?}");
             let same = settings(&made) == settings(&new);
             return same.then_some(made).ok_or(other.into());
         }

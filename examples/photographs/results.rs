@@ -45,9 +45,9 @@ impl Log {
         if let Some(viewpoints) = asset.viewpoints.as_ref().filter(|_| last) {
             // The poses of held-out photographs are as inexact.
             let level = AssetLevel::new(held, held[0].camera.size.into_iter().max().unwrap_or(0))?;
-            let registered = level.with_bounces(bounces).register(asset, 40)?;
-            numbers["poses_refined"] =
-                json!(registered.compare(held, &measuring(bounces), true)?);
+            let found = level.with_bounces(bounces).register(asset, 40)?;
+            let found = found.compare(held, &measuring(bounces), true)?;
+            numbers["poses_refined"] = json!(found);
             numbers["poses_moved_degrees"] = viewpoints.median_move()?.into();
         }
         numbers["pixels"] = json!(held.first().map(|p| p.camera.size));
@@ -66,8 +66,7 @@ impl Log {
             "peak_memory_bytes": peak_memory(),
             "mesh": mesh.statistics()?,
         });
-        let text = serde_json::to_vec_pretty(&numbers)?;
-        fs::write(self.out.join("metrics.json"), text)?;
+        fs::write(self.out.join("metrics.json"), format!("{numbers:#}"))?;
         self.line(&format!("wrote {}", self.out.display()))
     }
 }

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use clap::Parser;
+use glam::{DMat3, DQuat, DVec3};
 use softray::optim::metrics::{self, View};
 use softray::photographs::{Photograph, PhotographOptions, Photographs, Split};
 use softray::prelude::*;
@@ -63,6 +64,81 @@ fn asset_of_the_ring() {
     assert!(color < 0.14, "{color}");
     // The best constant is 0.119 off.
     assert!(roughness < 0.11, "{roughness}");
+}
+
+/// A few steps with cameras as COLMAP writes them, with a wrong focal length: poses and focal length are refined, those of the
+/// held-out photographs too. A run that was stopped before its last level goes on to the same file, and a run with
+/// other settings does not go on.
+#[test]
+fn cameras_of_colmap_and_a_stopped_run() {
+    let out = super::out("photographs-colmap");
+    let _ = fs::remove_dir_all(&out);
+    let folder = out.join("set");
+    colmap_set(&folder);
+    let plan = Plan {
+        folder: folder.clone(),
+        size: 32,
+        hold_out: 8,
+        world: Some(true),
+        bounces: Some(0),
+        steps: vec![6, 4],
+        ..Plan::default()
+    };
+    let text = serde_json::to_string(&plan).expect("numbers");
+    fs::write(out.join("plan.json"), text).expect("a file");
+    let [set, folder] = [&folder, &out].map(|path| path.to_str().expect("a path"));
+    let go_on = |size| {
+        let line = ["", set, "--size", size, "--resume", "--out", folder];
+        run(Arguments::parse_from(line))
+    };
+    go_on("32").expect("a result");
+    let asset = fs::read(out.join("asset.glb")).expect("an asset");
+    let text = fs::read_to_string(out.join("metrics.json")).expect("numbers");
+    let numbers: serde_json::Value = serde_json::from_str(&text).expect("numbers");
+    let last = &numbers["levels"][1];
+    assert!(last["poses_refined"]["iou"].as_f64() > Some(0.9), "{text}");
+    assert!(last["poses_moved_degrees"].as_f64() > Some(0.0), "{text}");
+    assert!(numbers["levels"][0]["poses_refined"].is_null(), "{text}");
+
+    fs::remove_dir_all(out.join("steps/1")).expect("a level");
+    fs::remove_file(out.join("asset.glb")).expect("an asset");
+    go_on("32").expect("a result");
+    assert!(fs::read(out.join("asset.glb")).expect("an asset") == asset);
+
+    let error = go_on("48").expect_err("another size").to_string();
+    assert!(error.contains("plan.json: a run of other"), "{error}");
+}
+
+/// Writes every third photograph of the set with `cameras.txt` and `images.txt`. The focal length is 2 % too long.
+fn colmap_set(folder: &Path) {
+    let set = Photographs::open(SET).expect("the set");
+    let sparse = folder.join("sparse/0");
+    fs::create_dir_all(&sparse).expect("a folder");
+    fs::create_dir_all(folder.join("images")).expect("a folder");
+    let mut images = String::new();
+    for (i, view) in set.views.iter().enumerate().step_by(3) {
+        // The axes of OpenCV.
+        let [x, y, z] = view.camera.from_world();
+        let [y, z] = [y, z].map(|row| row.map(|v| -v));
+        let rows = [x, y, z].map(|row| DVec3::new(row[0], row[1], row[2]));
+        let [a, b, c] = rows;
+        let q = DQuat::from_mat3(&DMat3::from_cols(a, b, c).transpose());
+        let name = format!("{i:03}.png");
+        images += &format!("{} {} {} {} {} ", i + 1, q.w, q.x, q.y, q.z);
+        images += &format!("{} {} {} 1 {name}\n\n", x[3], y[3], z[3]);
+        fs::copy(&view.path, folder.join("images").join(name)).expect("a photograph");
+    }
+    let camera = set.views[0].camera;
+    let ([w, h], [fx, fy], [cx, cy]) = (camera.size, camera.focal, camera.principal);
+    let cameras = format!("1 PINHOLE {w} {h} {} {} {cx} {cy}\n", 1.02 * fx, 1.02 * fy);
+    let files = [
+        ("cameras", cameras),
+        ("images", images),
+        ("points3D", String::new()),
+    ];
+    for (name, text) in files {
+        fs::write(sparse.join(format!("{name}.txt")), text).expect("a file");
+    }
 }
 
 /// The errors of a file in held-out views: the root mean square error of the base color, over the truth's root mean square,
