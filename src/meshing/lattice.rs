@@ -185,42 +185,68 @@ impl Lattice {
         }
     }
 
-    /// Makes the faces in all cells.
+    /// Makes the surface in all cells.
     fn march(&self, cells: &[u64], values: &Map<f64>) -> TriangleMesh {
-        let mut mesh = TriangleMesh::default();
+        let value = |at: [u32; 3]| values[&key(at)];
+        let cells = cells.iter().map(|&cell| place(cell));
+        let surface = Crossings::new(cells, |at| value(at) > 0.0);
+        let vertex = |&[start, end]: &[[u32; 3]; 2]| {
+            let (a, b) = (value(start), value(end));
+            let part = (a / (a - b)).clamp(LEAST_PART, 1.0 - LEAST_PART);
+            self.point(start).lerp(self.point(end), part).to_array()
+        };
+        TriangleMesh {
+            positions: surface.edges.iter().map(vertex).collect(),
+            faces: surface.faces,
+        }
+    }
+}
+
+/// The part of an edge between its ends and a vertex on it, so that no face loses its area.
+pub(crate) const LEAST_PART: f64 = 0.02;
+
+/// A surface between the corners of a lattice that are inside and those that are not, by marching tetrahedra. Its front shows
+/// the corners that are not inside.
+#[derive(Default)]
+pub(crate) struct Crossings {
+    /// The ends of the lattice's edge on which each vertex lies. One of them is inside.
+    pub edges: Vec<[[u32; 3]; 2]>,
+    pub faces: Vec<[u32; 3]>,
+}
+
+impl Crossings {
+    /// Makes the faces in all cells.
+    pub fn new(cells: impl Iterator<Item = [u32; 3]>, inside: impl Fn([u32; 3]) -> bool) -> Self {
+        let mut surface = Self::default();
         let mut vertices = Map::<u32>::default();
-        for &cell in cells {
-            let cell = place(cell);
-            let at: [f64; 8] = std::array::from_fn(|c| values[&key(corner_of(cell, c as u32))]);
-            let mut vertex = |p: u32, q: u32| {
+        for cell in cells {
+            let within: [bool; 8] = std::array::from_fn(|c| inside(corner_of(cell, c as u32)));
+            let edges = &mut surface.edges;
+            let mut vertex = |[p, q]: [u32; 2]| {
                 let (low, high) = (p & q, p | q);
                 let start = corner_of(cell, low);
                 // The direction of the edge fits below the place: edges start at even numbers of a finer lattice.
                 let [x, y, z] = corner_of([0; 3], high ^ low);
                 let name = key([2 * start[0] + x, 2 * start[1] + y, 2 * start[2] + z]);
                 *vertices.entry(name).or_insert_with(|| {
-                    let (a, b) = (at[low as usize], at[high as usize]);
-                    // Away from the ends, so that no face loses its area.
-                    let part = (a / (a - b)).clamp(0.02, 0.98);
-                    let (from, to) = (self.point(start), self.point(corner_of(cell, high)));
-                    mesh.positions.push(from.lerp(to, part).to_array());
-                    mesh.positions.len() as u32 - 1
+                    edges.push([start, corner_of(cell, high)]);
+                    edges.len() as u32 - 1
                 })
             };
             for (corners, positive) in TETRAHEDRA {
-                let polygon = outline(corners, positive, |c| at[c as usize] > 0.0);
+                let polygon = outline(corners, positive, |c| within[c as usize]);
                 let Some((points, count)) = polygon else {
                     continue;
                 };
-                let [a, b, c] = [points[0], points[1], points[2]].map(|[p, q]| vertex(p, q));
-                mesh.faces.push([a, b, c]);
+                let [a, b, c] = [points[0], points[1], points[2]].map(&mut vertex);
+                surface.faces.push([a, b, c]);
                 if count == 4 {
-                    let d = vertex(points[3][0], points[3][1]);
-                    mesh.faces.push([a, c, d]);
+                    let d = vertex(points[3]);
+                    surface.faces.push([a, c, d]);
                 }
             }
         }
-        mesh
+        surface
     }
 }
 

@@ -23,7 +23,9 @@ mod statistics;
 mod tests;
 mod winding;
 
-pub use closest::closest_points;
+pub(crate) use lattice::{Crossings, LEAST_PART};
+
+pub use closest::{closest_points, signed_distances, volume_iou};
 pub use hull::{HullOptions, Region, visual_hull};
 pub use mesh::{SurfacePoint, TriangleMesh};
 pub use remesh::{RemeshOptions, Remeshed, Sizing, remesh};

@@ -7,9 +7,9 @@ use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::Tensor;
 
 use super::{
-    CameraParams, EnvironmentParams, ExposureParams, LensParams, MaterialParams, MeshOffsets,
-    MeshParams, NormalMapParams, RigidTransform, SurfaceNetwork, TextureParams, TexturedMeshParams,
-    ViewpointParams,
+    CameraParams, DMTetParams, EnvironmentParams, ExposureParams, LensParams, MaterialParams,
+    MeshOffsets, MeshParams, NormalMapParams, RigidTransform, SurfaceNetwork, TextureParams,
+    TexturedMeshParams, ViewpointParams,
 };
 use crate::debug::{Text, parameter};
 
@@ -54,4 +54,4 @@ macro_rules! debug {
     )*};
 }
 
-debug!(CameraParams EnvironmentParams ExposureParams LensParams MaterialParams MeshOffsets MeshParams NormalMapParams RigidTransform SurfaceNetwork TextureParams TexturedMeshParams ViewpointParams);
+debug!(CameraParams DMTetParams EnvironmentParams ExposureParams LensParams MaterialParams MeshOffsets MeshParams NormalMapParams RigidTransform SurfaceNetwork TextureParams TexturedMeshParams ViewpointParams);

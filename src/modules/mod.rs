@@ -1,7 +1,7 @@
 //! Parts of scenes as burn modules, with parameters for optimizers, records and files; a renderer and a loss.
 //!
-//! Each type turns its parameters into a part of a [`Scene`](crate::scene::Scene): [`MeshParams`] and
-//! [`MeshOffsets`] into a mesh, [`RigidTransform`] into a transform, [`CameraParams`] into a camera, [`ViewpointParams`] into
+//! Each type turns its parameters into a part of a [`Scene`](crate::scene::Scene): [`MeshParams`],
+//! [`MeshOffsets`] and, with any topology, [`DMTetParams`] into a mesh, [`RigidTransform`] into a transform, [`CameraParams`] into a camera, [`ViewpointParams`] into
 //! the cameras of photographs,
 //! [`TextureParams`] into a texture, [`NormalMapParams`] into a normal map, [`EnvironmentParams`] into an
 //! environment, [`MaterialParams`] into a material. [`SurfaceNetwork`] computes textures of materials,
@@ -81,7 +81,9 @@
 mod asset;
 mod camera;
 mod debug;
+mod dmtet;
 mod exposure;
+mod grid_opacity;
 #[cfg(all(feature = "fit", feature = "photographs", not(target_family = "wasm")))]
 mod level;
 mod loss;
@@ -100,6 +102,7 @@ mod viewpoints;
 #[cfg(all(feature = "photographs", not(target_family = "wasm")))]
 pub use asset::AssetParams;
 pub use camera::{Aim, AimForm, CameraParams, CameraParamsConfig, LensParams};
+pub use dmtet::{DMTetParams, DMTetParamsConfig, TetrahedralGrid};
 pub use exposure::{ExposureParams, ExposureParamsConfig};
 #[cfg(all(feature = "fit", feature = "photographs", not(target_family = "wasm")))]
 pub use level::AssetLevel;

@@ -137,7 +137,7 @@ impl Camera {
     }
 
     /// Returns the unit vectors forward, right and up, as planes `[1, 1]`.
-    fn axes(&self, context: &Context) -> [Vec3; 3] {
+    pub(super) fn axes(&self, context: &Context) -> [Vec3; 3] {
         // The vectors are scaled first: their squares may overflow or underflow in the scene's float type.
         let host = |p: &Parameter<3>| glam::DVec3::from(p.values().unwrap_or([0.0; 3]));
         let length = (host(&self.target) - host(&self.eye)).length();
@@ -223,34 +223,6 @@ impl Camera {
             }
             _ => (eye.map(|x| x.expand([1, n])), through.normalized()),
         })
-    }
-
-    /// Converts depths along the rays (`Image::depth`) to depths along the view axis: PyTorch3D's `zbuf`, the depth of
-    /// a rasterizer. Both are `[H, W]` in scene units. Each depth is multiplied by the cosine between its pixel's ray
-    /// and the axis. The result is in the graph of the depths, not of the camera.
-    ///
-    /// # Errors
-    /// If the camera is not valid.
-    pub fn axial_depth(&self, depth: Tensor<2>) -> Result<Tensor<2>> {
-        self.check(None)?;
-        let [height, width] = depth.dims();
-        if self.projection.is_parallel() || height == 0 || width == 0 {
-            return Ok(depth);
-        }
-        let context = Context {
-            device: depth.device().inner(),
-            dtype: depth.dtype(),
-        };
-        let middle = |i: usize, size: usize| (i as f64 + 0.5) / size as f64;
-        let pixels = 0..height * width;
-        let columns: Vec<f64> = pixels.clone().map(|i| middle(i % width, width)).collect();
-        let rows: Vec<f64> = pixels.map(|i| middle(i / width, height)).collect();
-        let film = [context.row(&columns), context.row(&rows)];
-        let aspect = width as f64 / height as f64;
-        let (_, direction) = self.rays(&context, ([0.0; 3], 1.0), aspect, &film, None, None)?;
-        let [forward, ..] = self.axes(&context);
-        let cosine = forward.dot(&direction).reshape([height, width]);
-        Ok(depth * detached(&cosine))
     }
 
     /// Returns whether rays need a point on the lens. They need none if the aperture radius is a constant 0.

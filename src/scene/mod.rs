@@ -24,6 +24,7 @@ mod mesh;
 mod normals;
 mod parameter;
 mod parameters;
+mod pixel_rays;
 mod placement;
 pub mod shapes;
 #[cfg(feature = "remote")]

@@ -6,6 +6,7 @@ mod parameters;
 
 mod backends;
 mod devices;
+mod dmtet;
 mod fit_settings;
 mod large_steps;
 mod least_squares;

@@ -119,6 +119,53 @@ pub fn smoothness(map: Tensor<3>) -> Result<Tensor<1>> {
     Ok(along(0) + along(1))
 }
 
+/// The eikonal penalty of grids of distances `[S, N, N, N]` whose nodes are `step` apart: the mean of (|∇d| − 1)², which is 0
+/// for signed distances (Gropp et al. 2020, *Implicit Geometric Regularization for Learning Shapes*, Eq. 2). The
+/// derivatives are differences between neighboring nodes. For
+/// [`TetrahedralGrid::surfaces`](crate::modules::TetrahedralGrid::surfaces).
+///
+/// ```
+/// use softray::loss;
+/// use softray::modules::TetrahedralGrid;
+/// use softray::prelude::*;
+/// let grid = TetrahedralGrid::new(16, 2.0)?;
+/// let x = grid.nodes(&Device::flex()).narrow(3, 0, 1).squeeze_dim::<3>(3).unsqueeze::<4>();
+/// assert!(loss::eikonal(x.clone(), grid.step())?.into_scalar::<f32>() < 1e-6);
+/// assert!(loss::eikonal(x * 2.0, grid.step())?.into_scalar::<f32>() > 0.9);
+/// # Ok::<(), softray::Error>(())
+/// ```
+///
+/// # Errors
+/// If the last three axes are shorter than 2, or `step` is not a finite number > 0.
+pub fn eikonal(distances: Tensor<4>, step: f64) -> Result<Tensor<1>> {
+    check_size("eikonal", &distances)?;
+    Error::unless_positive("eikonal", "step", step)?;
+    let dims = distances.dims();
+    let long = dims[1..].iter().all(|&n| n > 1);
+    let shown = format!("{dims:?}");
+    Error::unless(
+        long,
+        "eikonal",
+        "distances",
+        shown,
+        "axes of at least 2 nodes",
+    )?;
+    let shorter = |map: Tensor<4>, axis: usize, from: usize| {
+        let length = map.dims()[axis] - 1;
+        map.narrow(axis, from, length)
+    };
+    let squares = [1, 2, 3].map(|axis| {
+        let change = shorter(distances.clone(), axis, 1) - shorter(distances.clone(), axis, 0);
+        let others = (1..4).filter(|&other| other != axis);
+        let change = others.fold(change, |map, other| shorter(map, other, 0));
+        (change / step).powi_scalar(2)
+    });
+    let [x, y, z] = squares;
+    // The square root has no derivative at 0.
+    let length = (x + y + z + 1e-12).sqrt();
+    Ok((length - 1.0).powi_scalar(2).mean())
+}
+
 /// Returns images `[…, H, W, C]` as `[B, H, W, C]`. Fewer than three axes do not compile.
 fn batch<const D: usize>(images: Tensor<D>) -> Tensor<4> {
     const { assert!(D >= 3, "images have the axes […, H, W, C]") };
