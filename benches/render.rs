@@ -1,9 +1,10 @@
-//! Renders and gradients: `cargo bench --bench render`. Items are rays.
+//! Renders, gradients, and surfaces of grids: `cargo bench --bench render`. Items are rays, or nodes of grids.
 
 use std::path::PathBuf;
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
+use softray::modules::DMTetParamsConfig;
 use softray::prelude::*;
 
 fn main() {
@@ -99,4 +100,17 @@ fn icosphere(bencher: Bencher, subdivisions: u32) {
     bencher
         .counter(ItemsCount::new(rays(&scene, &camera, &options)))
         .bench(|| render(&scene, &camera, &options).expect("an image"));
+}
+
+/// The surface of a ball from a grid of signed distances and offsets, forward and backward, over cells along an axis.
+#[divan::bench(args = [32, 64, 128], sample_count = 10)]
+fn marching_tetrahedra(bencher: Bencher, cells: usize) {
+    let ball = DMTetParamsConfig::new(cells).with_radius(0.7);
+    let ball = ball.init(&Device::flex().autodiff()).expect("a ball");
+    bencher
+        .counter(ItemsCount::new(ball.grid().size().pow(3)))
+        .bench(|| {
+            let vertices = ball.mesh().expect("a surface").vertices;
+            vertices.powi_scalar(2).sum().backward()
+        });
 }

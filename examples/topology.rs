@@ -157,7 +157,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
                     grid.opacity(shape.distances.val(), camera, [size; 2], 2.0 * grid.step())?;
                 sum = sum + (found - target).powi_scalar(2).mean() * (0.5 * soft / per_step as f64);
             }
-            sum = sum + loss::eikonal(shape.distances.val().unsqueeze(), grid.step())? * 0.02;
+            let grids = shape.distances.val().unsqueeze();
+            sum = sum
+                + loss::eikonal(grids.clone(), grid.step())? * 0.02
+                + loss::bending(grids, grid.step())? * 0.02;
         }
         let mut evaluation = Evaluation::new(sum);
         if let Some((image, target)) = shown {

@@ -38,6 +38,8 @@ mod relief;
 mod render;
 #[path = "../../examples/texture.rs"]
 mod texture;
+#[path = "../../examples/topology.rs"]
+mod topology;
 
 fn out(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("example-{name}"))
@@ -136,6 +138,15 @@ fn relief_of_a_plate() {
 fn mesh() {
     let outcome = quick!(mesh_from_views);
     assert!(outcome.ratio() > 10.0, "{outcome:?}");
+}
+
+/// A ball becomes a torus with one hole, and another one two balls.
+#[test]
+fn topology_from_pictures() {
+    let outcome = quick!(topology);
+    assert!(outcome.ratio() > 4.0, "{outcome:?}");
+    let found: Vec<f64> = outcome.others.iter().map(|(_, value)| *value).collect();
+    assert_eq!(found, [1.0, 1.0, 2.0, 0.0], "{outcome:?}");
 }
 
 /// A few seconds of training take a network past the mean shape on objects it has not seen.

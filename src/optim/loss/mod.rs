@@ -1,4 +1,5 @@
-//! Differentiable losses between images and between point clouds. Losses are scalars `[1]`.
+//! Differentiable losses between images and between point clouds, and penalties on textures and grids. Losses are scalars
+//! `[1]`.
 //!
 //! Images are `[…, H, W, C]` in linear radiance, with any number of leading axes, such as the views of a batch. Silhouettes
 //! are `[…, H, W]` of opacities from 0 to 1. Point clouds are `[N, 3]` in scene units. A target may be on a device without
@@ -7,6 +8,7 @@
 //! All losses return a [`Result`]: tensors whose shapes or float types differ, that are empty, or settings out of
 //! their range are errors.
 
+mod grids;
 #[cfg(all(feature = "photographs", not(target_family = "wasm")))]
 mod photographs;
 mod points;
@@ -18,6 +20,7 @@ use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
 
+pub use grids::{bending, eikonal};
 #[cfg(all(feature = "photographs", not(target_family = "wasm")))]
 pub use photographs::{PhotographErrors, PhotographLoss};
 pub use points::{chamfer, f_score};
@@ -117,53 +120,6 @@ pub fn smoothness(map: Tensor<3>) -> Result<Tensor<1>> {
         step.powi_scalar(2).mean()
     };
     Ok(along(0) + along(1))
-}
-
-/// The eikonal penalty of grids of distances `[S, N, N, N]` whose nodes are `step` apart: the mean of (|∇d| − 1)², which is 0
-/// for signed distances (Gropp et al. 2020, *Implicit Geometric Regularization for Learning Shapes*, Eq. 2). The
-/// derivatives are differences between neighboring nodes. For
-/// [`TetrahedralGrid::surfaces`](crate::modules::TetrahedralGrid::surfaces).
-///
-/// ```
-/// use softray::loss;
-/// use softray::modules::TetrahedralGrid;
-/// use softray::prelude::*;
-/// let grid = TetrahedralGrid::new(16, 2.0)?;
-/// let x = grid.nodes(&Device::flex()).narrow(3, 0, 1).squeeze_dim::<3>(3).unsqueeze::<4>();
-/// assert!(loss::eikonal(x.clone(), grid.step())?.into_scalar::<f32>() < 1e-6);
-/// assert!(loss::eikonal(x * 2.0, grid.step())?.into_scalar::<f32>() > 0.9);
-/// # Ok::<(), softray::Error>(())
-/// ```
-///
-/// # Errors
-/// If the last three axes are shorter than 2, or `step` is not a finite number > 0.
-pub fn eikonal(distances: Tensor<4>, step: f64) -> Result<Tensor<1>> {
-    check_size("eikonal", &distances)?;
-    Error::unless_positive("eikonal", "step", step)?;
-    let dims = distances.dims();
-    let long = dims[1..].iter().all(|&n| n > 1);
-    let shown = format!("{dims:?}");
-    Error::unless(
-        long,
-        "eikonal",
-        "distances",
-        shown,
-        "axes of at least 2 nodes",
-    )?;
-    let shorter = |map: Tensor<4>, axis: usize, from: usize| {
-        let length = map.dims()[axis] - 1;
-        map.narrow(axis, from, length)
-    };
-    let squares = [1, 2, 3].map(|axis| {
-        let change = shorter(distances.clone(), axis, 1) - shorter(distances.clone(), axis, 0);
-        let others = (1..4).filter(|&other| other != axis);
-        let change = others.fold(change, |map, other| shorter(map, other, 0));
-        (change / step).powi_scalar(2)
-    });
-    let [x, y, z] = squares;
-    // The square root has no derivative at 0.
-    let length = (x + y + z + 1e-12).sqrt();
-    Ok((length - 1.0).powi_scalar(2).mean())
 }
 
 /// Returns images `[…, H, W, C]` as `[B, H, W, C]`. Fewer than three axes do not compile.
