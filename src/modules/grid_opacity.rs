@@ -18,7 +18,7 @@ const MISSED: f64 = 30.0;
 type Corners = [(usize, f64); 8];
 
 impl TetrahedralGrid {
-    /// Returns a soft silhouette `[H, W]` of a grid of signed distances `[N, N, N]`, in its graph: σ(−d/`softness`) for the
+    /// Returns a soft silhouette `[H, W]` of a grid of signed distances `[N, N, N]`, in its graph (not in that of the camera): σ(−d/`softness`) for the
     /// least distance d along the ray through each pixel's middle, from 0 to 1 (Yariv et al. 2020, *Multiview Neural Surface
     /// Reconstruction by Disentangling Geometry and Appearance*, Eq. 7). `size` is the width and height in pixels, and
     /// `softness` a length in scene units, such as twice [`TetrahedralGrid::step`].
@@ -42,7 +42,7 @@ impl TetrahedralGrid {
     /// ```
     ///
     /// # Errors
-    /// If the shape is another, the image has no pixels, the softness is not a finite number > 0, or a tensor can't be read.
+    /// If the camera is not valid, the shape is another, the image has no pixels, the softness is not a finite number > 0, or a tensor can't be read.
     pub fn opacity(
         &self,
         distances: Tensor<3>,
@@ -62,6 +62,7 @@ impl TetrahedralGrid {
             device: distances.device().inner(),
             dtype: DType::F32,
         };
+        camera.check(None)?;
         let (origins, directions) = camera.pixel_rays(&context, size)?;
         let rays = host_vectors(&origins)?
             .into_iter()
@@ -98,7 +99,7 @@ impl TetrahedralGrid {
     fn least(&self, values: &[f64], origin: DVec3, along: DVec3) -> Option<Corners> {
         let half = DVec3::splat(self.side / 2.0);
         let to = [-half, half].map(|corner| (corner - origin) / along);
-        // A ray along a side's plane has 0/0, which `max` and `min` leave out.
+        // A ray in the plane of a side has 0/0, and may count as one that misses.
         let enter = to[0].min(to[1]).max_element().max(0.0);
         let leave = to[0].max(to[1]).min_element();
         let count = ((leave - enter) / self.step() * SAMPLES).ceil();

@@ -147,8 +147,8 @@ fn grids_of_a_batch() {
         let found = TriangleMesh::try_from(mesh).expect("a mesh").statistics();
         found.expect("numbers").genus
     };
-    assert_eq!([genus(&meshes[0]), genus(&meshes[2])], [Some(1), Some(0)]);
-    assert!(meshes[1].faces.is_empty());
+    let found: Vec<_> = meshes.iter().map(genus).collect();
+    assert_eq!(found, [Some(1), Some(0), Some(0)]);
     let scene = |mesh| {
         Scene::new()
             .with_object(Object::new(mesh))
@@ -169,7 +169,7 @@ fn grids_of_a_batch() {
         .try_to_vec::<f32>()
         .expect("means");
     assert!(
-        means[1] == 0.0 && 0.05 < means[0] && means[0] < means[2],
+        0.03 < means[1] && means[1] < means[0] && means[0] < means[2],
         "{means:?}"
     );
 }
@@ -189,7 +189,9 @@ fn shapes_of_meshes() {
         volume(&found)
     );
     let off = loss::eikonal(shape.distances.val().unsqueeze(), grid.step()).expect("a penalty");
-    assert!(off.into_scalar::<f32>() < 0.02);
+    let off = off.into_scalar::<f32>();
+    // Differences see the edges, where the slope jumps.
+    assert!(off < 0.05, "{off}");
 }
 
 #[test]
