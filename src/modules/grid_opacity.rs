@@ -42,7 +42,8 @@ impl TetrahedralGrid {
     /// ```
     ///
     /// # Errors
-    /// If the camera is not valid, the shape is another, the image has no pixels, the softness is not a finite number > 0, or a tensor can't be read.
+    /// If the camera is not valid, the shape is another, the image has no pixels, the softness is not a finite number > 0, or a
+    /// tensor can't be read.
     pub fn opacity(
         &self,
         distances: Tensor<3>,

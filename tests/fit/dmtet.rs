@@ -194,6 +194,40 @@ fn shapes_of_meshes() {
     assert!(off < 0.05, "{off}");
 }
 
+/// The soft silhouette of a ball, whose distance from a ray is known; rays beside the cube see nothing.
+#[test]
+fn soft_silhouette_of_a_ball() {
+    const SIZE: usize = 12;
+    let (radius, softness, height) = (0.5, 0.2, 3.0);
+    let ball = DMTetParamsConfig::new(40)
+        .with_radius(radius)
+        .init(&Device::flex());
+    let ball = ball.expect("a ball");
+    let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).with_orthographic(height);
+    let opacity = |softness| {
+        let grid = ball.grid();
+        grid.opacity(ball.distances.val(), &camera, [SIZE; 2], softness)
+    };
+    let found = opacity(softness).expect("a silhouette").into_data();
+    let found = found.try_to_vec::<f32>().expect("numbers");
+    let place = |i: usize| ((i as f64 + 0.5) / SIZE as f64 - 0.5) * height;
+    for (i, &opacity) in found.iter().enumerate() {
+        let [x, y] = [place(i % SIZE), place(i / SIZE)];
+        let distance = x.hypot(y) - radius;
+        let inside = x.abs() < 1.0 && y.abs() < 1.0;
+        let expected = if inside {
+            1.0 / (1.0 + (distance / softness).exp())
+        } else {
+            0.0
+        };
+        assert!(
+            (f64::from(opacity) - expected).abs() < 0.01,
+            "{x}, {y}: {opacity}, {expected}"
+        );
+    }
+    says(message(opacity(0.0)), ["grid opacity", "softness", "0"]);
+}
+
 #[test]
 fn faults_say_where() {
     let n = CELLS + 1;
