@@ -84,6 +84,10 @@ fn targets(device: &Device) -> softray::Result<Vec<Mesh>> {
     grid.surfaces(Tensor::stack(vec![torus, balls], 0), None)
 }
 
+#[expect(
+    clippy::too_many_lines,
+    reason = "a program from its scene to its figure"
+)]
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
     let (size, cells) = (arguments.either(32, 64), arguments.either(20, 32));
@@ -94,7 +98,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let sharp = options.clone().with_samples(256).with_seed(1 << 50);
     // Images and silhouettes of all cameras, for each shape.
     let see = |mesh: &Mesh| -> softray::Result<(Tensor<4>, Tensor<3>)> {
-        let scenes = vec![scene(mesh.clone()); 1];
+        let scenes = vec![scene(mesh.clone())];
         let images = render_batch(&Batch::new(scenes, cameras.clone())?, &sharp)?;
         Ok((images.radiance, images.opacity.expect("requested")))
     };
