@@ -2,8 +2,6 @@
 
 pub(crate) mod common;
 
-use std::f64::consts::TAU;
-
 use burn::module::{Module, Param};
 use clap::Parser;
 use softray::optim::{
@@ -11,7 +9,7 @@ use softray::optim::{
 };
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Outcome, Study, picture};
+use common::study::{Arguments, Failure, Outcome, Study, cameras_around, picture};
 
 #[derive(Module, Debug)]
 struct Body {
@@ -20,17 +18,6 @@ struct Body {
 }
 
 const VIEWS: usize = 12;
-
-/// Cameras around a circle, at three heights in turn.
-fn cameras() -> Vec<Camera> {
-    let view = |i: usize| {
-        let angle = TAU * (i as f64 + 0.5) / VIEWS as f64;
-        let height = [0.3, 2.2, -1.6][i % 3];
-        let eye = [3.4 * angle.sin(), height, 3.4 * angle.cos()];
-        Camera::look_at(eye, [0.0; 3]).with_fov_y(40.0)
-    };
-    (0..VIEWS).map(view).collect()
-}
 
 /// Maps a point of the ball to the target: stretched, with three lobes, a dent and a bend.
 fn formed([x, y, z]: [f64; 3]) -> [f64; 3] {
@@ -74,7 +61,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             .with_object(light(3.0, -2.0, [6.0, 9.0, 18.0]))
             .with_environment([0.35, 0.4, 0.45])
     };
-    let cameras = cameras();
+    let cameras = cameras_around(VIEWS, [0.3, 2.2, -1.6], 40.0);
     let size = arguments.either(32, 64);
     let options = RenderOptions::new(size, size).with_bounces(0);
     let still = scene(goal.clone());

@@ -5,8 +5,6 @@
 
 pub(crate) mod common;
 
-use std::f64::consts::TAU;
-
 use burn::module::Module;
 use burn::optim::AdamConfig;
 use burn::tensor::Int;
@@ -16,7 +14,7 @@ use softray::modules::{DMTetParams, DMTetParamsConfig, TetrahedralGrid};
 use softray::optim::{Evaluation, Rate, Step, loss};
 use softray::prelude::*;
 
-use common::study::{Arguments, Failure, Outcome, Study, picture};
+use common::study::{Arguments, Failure, Outcome, Study, cameras_around, picture};
 
 #[derive(Module, Debug)]
 struct Shapes {
@@ -33,17 +31,6 @@ impl Shapes {
 const VIEWS: usize = 12;
 /// The length of the cube's edges, scene units.
 const SIDE: f64 = 2.0;
-
-/// Cameras around the shapes, at three heights in turn.
-fn cameras() -> Vec<Camera> {
-    let view = |i: usize| {
-        let angle = TAU * (i as f64 + 0.5) / VIEWS as f64;
-        let height = [0.6, 2.6, -1.8][i % 3];
-        let eye = [3.2 * angle.sin(), height, 3.2 * angle.cos()];
-        Camera::look_at(eye, [0.0; 3]).with_fov_y(32.0)
-    };
-    (0..VIEWS).map(view).collect()
-}
 
 /// A gray shape under a sky that is brighter above and on one side.
 fn scene(mesh: Mesh) -> Scene {
@@ -91,7 +78,8 @@ fn targets(device: &Device) -> softray::Result<Vec<Mesh>> {
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let device = arguments.device()?;
     let (size, cells) = (arguments.either(32, 64), arguments.either(20, 32));
-    let (cameras, goals) = (cameras(), targets(&device)?);
+    let cameras = cameras_around(VIEWS, [0.6, 2.6, -1.8], 30.0);
+    let goals = targets(&device)?;
     let options = RenderOptions::new(size, size)
         .with_bounces(0)
         .with_opacity();
@@ -127,7 +115,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             .map(|&view| cameras[view].clone())
             .collect::<Vec<_>>();
         // Soft silhouettes show the way, and matter less and less.
-        let soft = 1.0 - step.index as f64 / steps as f64;
+        let soft = 1.0 - step.index as f64 / study.steps() as f64;
+        let rows: Vec<i32> = views.iter().map(|&view| view as i32).collect();
+        let rows = Tensor::<1, Int>::from_ints(rows.as_slice(), &device);
         let mut sum = Tensor::zeros([1], &device.clone().autodiff());
         let mut shown = None;
         for ((index, shape), (colors, silhouettes)) in
@@ -136,16 +126,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             let batch = Batch::new(vec![scene(shape.mesh()?)], some.clone())?;
             let look = |k| render_batch(&batch, &step.options(&few, 2 * index as u64 + k));
             let [a, b] = [look(0)?, look(1)?];
-            let rows = Tensor::<1, Int>::from_ints(
-                views
-                    .iter()
-                    .map(|&v| v as i32)
-                    .collect::<Vec<_>>()
-                    .as_slice(),
-                &device,
-            );
             let color = colors.clone().select(0, rows.clone());
-            let silhouette = silhouettes.clone().select(0, rows);
+            let silhouette = silhouettes.clone().select(0, rows.clone());
             shown = shown.or(Some((a.radiance.clone(), color.clone())));
             let opacity = a.opacity.expect("requested");
             sum = sum

@@ -325,6 +325,16 @@ impl<'a> Study<'a> {
     }
 }
 
+/// Returns cameras on a circle of the radius 3.4 about the origin, at three heights in turn.
+pub fn cameras_around(count: usize, heights: [f64; 3], fov_y: f64) -> Vec<Camera> {
+    let view = |i: usize| {
+        let angle = std::f64::consts::TAU * (i as f64 + 0.5) / count as f64;
+        let eye = [3.4 * angle.sin(), heights[i % 3], 3.4 * angle.cos()];
+        Camera::look_at(eye, [0.0; 3]).with_fov_y(fov_y)
+    };
+    (0..count).map(view).collect()
+}
+
 /// Renders a scene and reads the image back.
 pub fn picture(
     scene: &Scene,

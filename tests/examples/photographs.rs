@@ -66,7 +66,7 @@ fn asset_of_the_ring() {
     assert!(roughness < 0.11, "{roughness}");
 }
 
-/// A few steps with cameras as COLMAP writes them, with a wrong focal length: poses and focal length are refined, those of the
+/// A few steps with cameras as COLMAP writes them, with a wrong focal length: poses are refined, those of the
 /// held-out photographs too. A run that was stopped before its last level goes on to the same file, and a run with
 /// other settings does not go on.
 #[test]
