@@ -1,19 +1,20 @@
-//! A network that predicts shape, pose and albedo of an object from one image. The shape is a ball whose vertices it
-//! moves. Renders are the only training signal: the prediction is rendered from the input camera and from one other
-//! camera, and compared with the images there. Renders use the true camera and light; the input of the network is the
-//! image alone.
+//! A network that predicts the shape and the albedo of an object from one image. The shape can have any topology: the network
+//! predicts signed distances, and the surface is where they are zero. Renders are the only training signal: the prediction is
+//! rendered from the input camera and from one other camera, and compared with the images there. Renders use the true camera
+//! and light; the input of the network is the image alone.
 
-pub(crate) mod basis;
 #[path = "../common/mod.rs"]
 pub(crate) mod common;
 pub(crate) mod dataset;
 pub(crate) mod evaluate;
-pub(crate) mod grid;
+pub(crate) mod harmonics;
 pub(crate) mod network;
 pub(crate) mod numbers;
+pub(crate) mod picture;
 pub(crate) mod render;
 pub(crate) mod settings;
 pub(crate) mod shape;
+pub(crate) mod template;
 pub(crate) mod train;
 
 use std::time::Instant;
@@ -23,7 +24,7 @@ use softray::prelude::Device;
 
 use common::study::{self, Failure};
 use dataset::Dataset;
-use evaluate::{Baselines, predict, predict_and_measure};
+use evaluate::{Scores, measure, predict};
 use network::Network;
 use settings::Settings;
 use train::{Place, Trainer};
@@ -33,6 +34,12 @@ use train::{Place, Trainer};
 struct Arguments {
     #[command(flatten)]
     study: study::Arguments,
+    /// Predict deformed balls in place of surfaces of any topology, to compare with.
+    #[arg(long)]
+    template: bool,
+    /// Train with this many objects (default 2,048; 200 with --quick).
+    #[arg(long)]
+    objects: Option<usize>,
     /// Devices that share the objects of each step, as in `--devices flex,vulkan`; with the feature `remote` devices of
     /// servers too, as in `--devices ws://127.0.0.1:3000,ws://127.0.0.1:3001`. Their gradients are summed on the device
     /// of `--device`, where the network and the optimizer stay. Default: the device of `--device`.
@@ -40,40 +47,39 @@ struct Arguments {
     devices: Vec<String>,
 }
 
-/// Overlaps of the validation set's silhouettes, in the input views and in the other views.
+/// Scores of objects that the training has not seen, before and after it, and of as many that it has seen.
 #[derive(Clone, Copy, Debug)]
-#[allow(dead_code)] // only tests read the fields
 pub(crate) struct Outcome {
-    pub baselines: Baselines,
-    pub before: [f64; 2],
-    pub after: [f64; 2],
-    /// After training, for the same number of objects of the training set.
-    pub learned: [f64; 2],
+    pub before: Scores,
+    pub after: Scores,
+    pub learned: Scores,
 }
 
 impl Outcome {
     fn print(&self) {
-        let line = |what: &str, [input, other]: [f64; 2]| {
-            println!("validation IoU {what}: {input:.4} input view, {other:.4} other views");
-        };
-        let [input, other] = self.learned;
-        println!("training IoU of the network: {input:.4} input view, {other:.4} other views");
-        line("of the network", self.after);
-        line("of the network before training", self.before);
-        line("of the mean shape", self.baselines.mean);
-        line(
-            &format!(
-                "of the mean shape, scaled by {:.2} to fit best",
-                self.baselines.scale
-            ),
-            self.baselines.scaled,
-        );
-        line(
-            "of the mean shape, told each object's place",
-            self.baselines.placed,
-        );
-        let margin = [0, 1].map(|k| self.after[k] - self.baselines.mean[k]);
-        line("above the mean shape", margin);
+        let rows = [
+            ("before training", &self.before),
+            ("validation", &self.after),
+            ("training set", &self.learned),
+        ];
+        for (what, scores) in rows {
+            let Scores {
+                silhouettes,
+                of_another,
+                volume,
+                genus,
+                parts,
+                flaws,
+            } = scores;
+            println!(
+                "{what}: IoU of silhouettes {:.3} input, {:.3} others ({:.3}, {:.3} for another object); of volumes {volume:.3}",
+                silhouettes[0], silhouettes[1], of_another[0], of_another[1]
+            );
+            println!(
+                "    genus right {:.2} with a hole, {:.2} without; {parts:.2} parts; {} folds, {} crossings, {} not closed",
+                genus[0], genus[1], flaws[0], flaws[1], flaws[2]
+            );
+        }
     }
 }
 
@@ -81,6 +87,8 @@ fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let study = &arguments.study;
     let mut settings = study.either(Settings::quick(), Settings::full());
     settings.steps = study.steps.unwrap_or(settings.steps);
+    settings.train = arguments.objects.unwrap_or(settings.train);
+    settings.template = arguments.template;
     let names = arguments.devices.iter().map(|name| Some(name.as_str()));
     let devices = names.map(softray::device::named);
     learn(study, &settings, devices.collect::<softray::Result<_>>()?)
@@ -102,7 +110,7 @@ pub(crate) fn learn(
         return Err(format!("--devices: at most {objects}, the objects of a step").into());
     }
     let seed = |k: u64| 2 * arguments.seed + k;
-    let make = |name, k, count| Dataset::new((name, seed(k)), (count, settings.views), &device);
+    let make = |name, k, count| Dataset::new((name, seed(k)), count, settings, &device);
     let data = make("training set", 0, settings.train)?.with_mirrored();
     let validation = make("validation", 1, settings.validation)?;
     println!(
@@ -110,9 +118,10 @@ pub(crate) fn learn(
         settings.train + settings.validation,
         start.elapsed().as_secs_f64()
     );
-    let fine = Place::new(settings, device.clone())?.measured;
-    let baselines = Baselines::new(&data, &validation, &fine, &device)?;
-
+    let decoder = Place::new(settings, device.clone())?.decoder;
+    let scores = |data: &Dataset, network: &Network| {
+        measure(data, &predict(data, network, &decoder, &device)?, &device)
+    };
     let places = devices.into_iter().map(|d| Place::new(settings, d));
     let trainer = Trainer {
         settings,
@@ -121,23 +130,16 @@ pub(crate) fn learn(
         places: places.collect::<softray::Result<_>>()?,
     };
     let network = Network::new(settings, arguments.seed, &device);
-    let before = predict_and_measure(&validation, &network, &fine, &device)?;
+    let before = scores(&validation, &network)?;
     let trained = trainer.train(network, arguments)?;
 
     let network = &trained.module;
-    let after = predict_and_measure(&validation, network, &fine, &device)?;
-    let learned = make("part of the training set", 0, settings.validation)?;
-    let learned = predict_and_measure(&learned, network, &fine, &device)?;
-    let bodies = predict(&validation, network, &fine, &device);
+    let seen = settings.validation.min(settings.train);
+    let learned = scores(&make("part of the training set", 0, seen)?, network)?;
+    let bodies = predict(&validation, network, &decoder, &device)?;
+    let after = measure(&validation, &bodies, &device)?;
     let path = arguments.out.join("mesh_predictor.png");
-    let shown = (&fine, &bodies);
-    grid::write(
-        &path,
-        &validation,
-        shown,
-        (&trained.history, &baselines),
-        &device,
-    )?;
+    picture::write(&path, &validation, &bodies, &trained.history, &device)?;
 
     let mean = |name: &str| {
         let times = trained.history.curve(name);
@@ -145,10 +147,11 @@ pub(crate) fn learn(
     };
     let rows = &trained.history.rows;
     println!(
-        "a step {:.3} s, of which forward {:.3} s network, {:.3} s renders",
+        "a step {:.3} s, of which forward {:.3} s network, {:.3} s renders, {:.3} s soft silhouettes",
         rows.last().map_or(0.0, |row| row.seconds) / rows.len().max(1) as f64,
         mean(train::NETWORK_SECONDS),
         mean(train::RENDER_SECONDS),
+        mean(train::SOFT_SECONDS),
     );
     println!(
         "{} steps, {:.1} s in all\nwrote {}",
@@ -157,7 +160,6 @@ pub(crate) fn learn(
         path.display()
     );
     Ok(Outcome {
-        baselines,
         before,
         after,
         learned,

@@ -1,45 +1,139 @@
-//! The network that maps an image to a deformed ball, its pose and its color.
+//! The network that maps an image to a body and its color.
 
 use burn::module::Module;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::nn::{GroupNorm, GroupNormConfig, Linear, LinearConfig, PaddingConfig2d};
-use burn::tensor::activation::{relu, sigmoid, tanh};
-use burn::tensor::{Device, Tensor, TensorData};
-use glam::DVec3;
-use softray::prelude::{Mesh, Scene, Transform, shapes};
+use burn::tensor::activation::{relu, sigmoid};
+use burn::tensor::{Device, Tensor};
+use softray::modules::TetrahedralGrid;
+use softray::prelude::{Mesh, Scene};
 
-use super::basis::{degrees, harmonics};
-use super::render::{Light, SIZE, scene};
+use super::render::{Light, scene};
 use super::settings::Settings;
+use super::template::{Template, TemplateHead};
 
-/// The radius of the ball before deformation, in scene units.
-const RADIUS: f64 = 0.55;
-/// The largest translation of a body along an axis, in scene units. It keeps bodies inside the image, since no
-/// gradient would bring them back.
-const FARTHEST: f64 = 0.5;
+/// The radius of the ball that an untrained network predicts, in scene units.
+pub const RADIUS: f64 = 0.55;
+/// What the outputs of the network are multiplied by: distances in scene units.
+const SCALE: f64 = 0.1;
 
-/// Convolutions with stride 2, a hidden layer, and a linear layer for each part of the output.
-#[derive(Module, Debug)]
-pub struct Network {
-    convolutions: Vec<Conv2d>,
-    norms: Vec<GroupNorm>,
-    hidden: Linear,
-    offsets: Linear,
-    rotation: Linear,
-    translation: Linear,
-    color: Linear,
+fn convolution([input, output]: [usize; 2], kernel: usize) -> Conv2dConfig {
+    let side = kernel / 2;
+    Conv2dConfig::new([input, output], [kernel; 2])
+        .with_padding(PaddingConfig2d::Explicit(side, side, side, side))
 }
 
-/// The output of the network for B images.
-pub struct Code {
-    /// Coefficients of the vertices' offsets `[B, 3, K]`.
-    pub offsets: Tensor<3>,
-    /// The first two columns of rotations `[B, 6]`.
-    pub rotation: Tensor<2>,
-    /// `[B, 3]`, in scene units.
-    pub translation: Tensor<2>,
+/// Two convolutions beside a shortcut, with norms before them (He et al. 2016, *Identity Mappings in Deep Residual
+/// Networks*).
+#[derive(Module, Debug)]
+pub struct Residual {
+    norms: [GroupNorm; 2],
+    convolutions: [Conv2d; 2],
+    shortcut: Conv2d,
+}
+
+impl Residual {
+    fn new([input, output]: [usize; 2], stride: usize, device: &Device) -> Self {
+        let norm = |channels| GroupNormConfig::new(4, channels).init(device);
+        let strided = |kernel| {
+            let config = convolution([input, output], kernel);
+            config.with_stride([stride; 2]).init(device)
+        };
+        Self {
+            norms: [norm(input), norm(output)],
+            convolutions: [strided(3), convolution([output; 2], 3).init(device)],
+            shortcut: strided(1),
+        }
+    }
+
+    fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        let mut y = x.clone();
+        for (norm, convolution) in self.norms.iter().zip(&self.convolutions) {
+            y = convolution.forward(relu(norm.forward(y)));
+        }
+        self.shortcut.forward(x) + y
+    }
+}
+
+/// From features of the image at each resolution to distances at the nodes of a grid: the rows and columns of a feature map
+/// are those of the grid as the input camera sees it, and its channels are the nodes along the third axis (a U-Net,
+/// Ronneberger et al. 2015).
+#[derive(Module, Debug)]
+struct GridHead {
+    start: Linear,
+    levels: Vec<Residual>,
+    norm: GroupNorm,
+    distances: Conv2d,
+}
+
+impl GridHead {
+    fn new(settings: &Settings, device: &Device) -> Self {
+        let channels = &settings.channels;
+        let last = channels.len() - 1;
+        // The level of the grid's resolution.
+        let first = (settings.size / settings.nodes).ilog2() as usize - 1;
+        let level =
+            |k: usize| Residual::new([channels[k + 1] + channels[k], channels[k]], 1, device);
+        let fine = channels[first];
+        Self {
+            start: LinearConfig::new(settings.hidden, channels[last]).init(device),
+            levels: (first..last).rev().map(level).collect(),
+            norm: GroupNormConfig::new(4, fine).init(device),
+            distances: convolution([fine, settings.nodes], 3).init(device),
+        }
+    }
+
+    /// Distances `[B, N, N, N]` along x, y and z, of features, the finest first, and codes `[B, hidden]`.
+    fn forward(&self, mut features: Vec<Tensor<4>>, code: Tensor<2>) -> Tensor<4> {
+        let last = features.pop().expect("features");
+        let mut x = last + self.start.forward(code).unsqueeze_dims::<4>(&[2, 3]);
+        for level in &self.levels {
+            let skipped = features.pop().expect("features of each level");
+            x = level.forward(Tensor::cat(vec![doubled(x), skipped], 1));
+        }
+        let out = self.distances.forward(relu(self.norm.forward(x)));
+        // Rows go down, y goes up.
+        out.flip([2]).permute([0, 3, 2, 1])
+    }
+}
+
+/// Repeats each pixel of images `[B, C, H, W]` twice along both axes.
+fn doubled(x: Tensor<4>) -> Tensor<4> {
+    let [b, c, h, w] = x.dims();
+    let x = x.reshape([b, c, h, 1, w, 1]).expand([b, c, h, 2, w, 2]);
+    x.reshape([b, c, 2 * h, 2 * w])
+}
+
+/// A residual network, and a head for bodies of one of two kinds.
+#[derive(Module, Debug)]
+pub struct Network {
+    stem: Conv2d,
+    levels: Vec<Residual>,
+    hidden: Linear,
+    color: Linear,
+    grid: Option<GridHead>,
+    template: Option<TemplateHead>,
+}
+
+/// Bodies of B objects to render.
+#[derive(Clone)]
+pub struct Bodies {
+    pub meshes: Vec<Mesh>,
     /// Albedo `[B, 3]`.
     pub color: Tensor<2>,
+    /// The distances whose surfaces the meshes are, `[B, N, N, N]` along x, y and z in scene units.
+    pub distances: Option<Tensor<4>>,
+}
+
+/// What makes bodies of the network's outputs.
+#[derive(Clone)]
+pub enum Decoder {
+    Grid {
+        grid: TetrahedralGrid,
+        /// The distances of a ball, `[1, N, N, N]`.
+        ball: Tensor<4>,
+    },
+    Template(Template),
 }
 
 impl Network {
@@ -49,122 +143,80 @@ impl Network {
         let (channels, hidden) = (&settings.channels, settings.hidden);
         let device = &device.clone().autodiff();
         device.seed(seed);
-        let inputs = std::iter::once(3).chain(channels.iter().copied());
-        let convolution = |(input, &output): (usize, &usize)| {
-            Conv2dConfig::new([input, output], [3, 3])
-                .with_stride([2, 2])
-                .with_padding(PaddingConfig2d::Explicit(1, 1, 1, 1))
-                .init(device)
-        };
-        let norm = |&channels: &usize| GroupNormConfig::new(4, channels).init(device);
-        let side = SIZE >> channels.len();
-        let features = side * side * channels.last().copied().unwrap_or(3);
-        let linear = |input: usize, output: usize| LinearConfig::new(input, output).init(device);
+        let level = |pair: &[usize]| Residual::new([pair[0], pair[1]], 2, device);
+        let side = settings.size >> channels.len();
+        let features = side * side * channels[channels.len() - 1];
+        let stem = convolution([3, channels[0]], 5).with_stride([2; 2]);
+        let template = settings.template;
         Self {
-            convolutions: inputs.zip(channels).map(convolution).collect(),
-            norms: channels.iter().map(norm).collect(),
-            hidden: linear(features, hidden),
-            offsets: linear(hidden, 3 * degrees(settings.degree).len()),
-            rotation: linear(hidden, 6),
-            translation: linear(hidden, 3),
-            color: linear(hidden, 3),
+            stem: stem.init(device),
+            levels: channels.windows(2).map(level).collect(),
+            hidden: LinearConfig::new(features, hidden).init(device),
+            color: LinearConfig::new(hidden, 3).init(device),
+            grid: (!template).then(|| GridHead::new(settings, device)),
+            template: template.then(|| TemplateHead::new(hidden, device)),
         }
     }
 
     /// Applies the network to images `[B, H, W, 3]` in linear radiance.
-    pub fn forward(&self, images: Tensor<4>) -> Code {
-        let count = images.dims()[0];
+    pub fn forward(&self, images: Tensor<4>, decoder: &Decoder) -> softray::Result<Bodies> {
         // Centered at about 0, with a spread of about 1.
-        let mut x = (images.permute([0, 3, 1, 2]) - 0.4) * 4.0;
-        for (convolution, norm) in self.convolutions.iter().zip(&self.norms) {
-            x = relu(norm.forward(convolution.forward(x)));
+        let mut x = self
+            .stem
+            .forward((images.permute([0, 3, 1, 2]) - 0.4) * 4.0);
+        let mut features = vec![x.clone()];
+        for level in &self.levels {
+            x = level.forward(x);
+            features.push(x.clone());
         }
-        let x = relu(self.hidden.forward(x.flatten::<2>(1, 3)));
-        let device = x.device();
-        let upright = Tensor::<2>::from_floats([[1.0, 0.0, 0.0, 0.0, 1.0, 0.0]], &device);
-        let offsets = self.offsets.forward(x.clone());
-        let functions = offsets.dims()[1] / 3;
-        Code {
-            offsets: offsets.reshape([count, 3, functions]),
-            rotation: self.rotation.forward(x.clone()) + upright,
-            translation: tanh(self.translation.forward(x.clone())) * FARTHEST,
-            color: sigmoid(self.color.forward(x) * 3.0),
-        }
+        let code = relu(self.hidden.forward(relu(x).flatten::<2>(1, 3)));
+        let color = sigmoid(self.color.forward(code.clone()) * 3.0);
+        let (meshes, distances) = match (decoder, &self.grid, &self.template) {
+            (Decoder::Grid { grid, ball }, Some(head), _) => {
+                let ball = Tensor::from_inner(ball.clone());
+                let distances = head.forward(features, code) * SCALE + ball;
+                let distances = with_surface(distances, grid.step());
+                (grid.surfaces(distances.clone(), None)?, Some(distances))
+            }
+            (Decoder::Template(template), _, Some(head)) => (template.bodies(head, code), None),
+            _ => unreachable!("the decoder is that of the network's head"),
+        };
+        Ok(Bodies {
+            meshes,
+            color,
+            distances,
+        })
     }
 }
 
-/// Computes vertices from codes: sums of spherical harmonics offset the vertices of a ball, which is then rotated and
-/// translated.
-///
-/// Images determine the resulting body, but not its split into offsets and rotation: harmonics of degree 1 are linear
-/// maps, so a rotation can be part of either.
-#[derive(Clone)]
-pub struct Decoder {
-    /// The ball of radius [`RADIUS`].
-    pub ball: Mesh,
-    /// The directions of its vertices.
-    pub directions: Vec<DVec3>,
-    /// The functions at the vertices `[K, V]`, smaller at higher degrees, so that finer details are learned later.
-    basis: Tensor<2>,
-}
-
-/// Bodies to render.
-#[derive(Clone)]
-pub struct Bodies {
-    /// `[B, V, 3]`, in scene units.
-    pub vertices: Tensor<3>,
-    /// Albedo `[B, 3]`.
-    pub color: Tensor<2>,
+/// Lowers the distances `[B, N, N, N]` of a grid that is all outside, so that the node with the least one is inside.
+fn with_surface(distances: Tensor<4>, step: f64) -> Tensor<4> {
+    let [count, n, ..] = distances.dims();
+    let inner = distances
+        .clone()
+        .slice([0..count, 1..n - 1, 1..n - 1, 1..n - 1]);
+    let least = inner.reshape([count as i32, -1]).min_dim(1).detach();
+    let over = (least + 0.1 * step).clamp_min(0.0);
+    distances - over.unsqueeze_dims::<4>(&[2, 3])
 }
 
 impl Decoder {
-    /// Creates a decoder for an icosphere with `subdivisions` subdivisions and harmonics up to `degree`.
-    pub fn new(subdivisions: u32, degree: usize, device: &Device) -> softray::Result<Self> {
-        let sphere = shapes::icosphere(subdivisions, device);
-        let directions = sphere.host_vertices()?.into_iter();
-        let directions: Vec<DVec3> = directions.map(|v| DVec3::from(v).normalize()).collect();
-        let (functions, vertices) = (degrees(degree), directions.len());
-        let mut values = vec![0_f32; functions.len() * vertices];
-        for (v, direction) in directions.iter().enumerate() {
-            let at = harmonics(degree, *direction);
-            for (k, (value, &l)) in at.iter().zip(&functions).enumerate() {
-                values[k * vertices + v] = (0.6 * value / l as f64) as f32;
-            }
+    /// Creates the decoder of some settings on a device without autodiff.
+    pub fn new(settings: &Settings, device: &Device) -> softray::Result<Self> {
+        if settings.template {
+            return Ok(Self::Template(Template::new(device)?));
         }
-        let basis = TensorData::new(values, [functions.len(), vertices]);
-        let ball = sphere.vertices.clone() * RADIUS;
-        Ok(Self {
-            ball: sphere.with_vertices(ball),
-            directions,
-            basis: Tensor::from_data(basis, device),
-        })
+        let grid = settings.grid()?;
+        let far = grid.nodes(device).powi_scalar(2).sum_dim(3).sqrt();
+        let ball = far.squeeze_dim::<3>(3).unsqueeze::<4>() - RADIUS;
+        Ok(Self::Grid { grid, ball })
     }
+}
 
-    /// Returns the bodies of codes.
-    pub fn bodies(&self, code: Code) -> Bodies {
-        let [count, _, functions] = code.offsets.dims();
-        let vertices = self.directions.len();
-        let offsets = code.offsets.reshape([3 * count, functions]);
-        let offsets = offsets.matmul(self.basis.clone());
-        let offsets = offsets.reshape([count, 3, vertices]).swap_dims(1, 2);
-        let local = self.ball.vertices.clone().unsqueeze::<3>() + offsets;
-        let placed = |i: usize| {
-            let pose = Transform::new()
-                .with_six_d(row(&code.rotation, i))
-                .with_translation(row(&code.translation, i));
-            pose.apply(local.clone().slice([i..i + 1]).squeeze_dim(0))
-        };
-        Bodies {
-            vertices: Tensor::stack((0..count).map(placed).collect(), 0),
-            color: code.color,
-        }
-    }
-
+impl Bodies {
     /// Returns the scene of the `i`-th body under a light.
-    pub fn scene(&self, bodies: &Bodies, i: usize, light: &Light) -> Scene {
-        let vertices = bodies.vertices.clone().slice([i..i + 1]).squeeze_dim(0);
-        let mesh = self.ball.clone().with_vertices(vertices);
-        scene(mesh, row(&bodies.color, i), light)
+    pub fn scene(&self, i: usize, light: &Light) -> Scene {
+        scene(self.meshes[i].clone(), row(&self.color, i), light)
     }
 }
 

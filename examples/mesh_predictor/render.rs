@@ -2,15 +2,13 @@
 
 use softray::prelude::*;
 
-/// Rows and columns of an image.
-pub const SIZE: usize = 64;
 /// The distance of the camera from the origin, which it looks at, in scene units.
 const DISTANCE: f64 = 4.2;
 const FOV: f64 = 29.0;
 
-/// Returns the angle of a pixel in degrees.
-pub fn pixel() -> f64 {
-    (2.0 * (0.5 * FOV.to_radians()).tan() / SIZE as f64)
+/// Returns the angle of a pixel in degrees, of images with `size` rows and columns.
+pub fn pixel(size: usize) -> f64 {
+    (2.0 * (0.5 * FOV.to_radians()).tan() / size as f64)
         .atan()
         .to_degrees()
 }
@@ -24,10 +22,10 @@ pub struct Eye {
 }
 
 impl Eye {
-    /// The camera of all input images.
+    /// The camera of all input images, which looks along −z.
     pub const INPUT: Self = Self {
         azimuth: 0.0,
-        elevation: 0.25,
+        elevation: 0.0,
     };
 
     pub fn camera(self) -> Camera {
@@ -68,25 +66,18 @@ impl Light {
     }
 }
 
-/// The name of the body in its scene.
-pub const BODY: &str = "body";
-
 /// Returns the scene of a body under a light.
 pub fn scene(body: Mesh, color: impl Into<softray::scene::ColorTexture>, light: &Light) -> Scene {
     let device = body.vertices.device().inner();
     Scene::new()
-        .with_object(
-            Object::new(body)
-                .with_name(BODY)
-                .with_material(Material::diffuse(color)),
-        )
+        .with_object(Object::new(body).with_material(Material::diffuse(color)))
         .with_object(light.lamp(&device))
         .with_environment(light.environment)
 }
 
-/// Returns options for direct light only, with `samples` paths per pixel.
-pub fn options(samples: u32) -> RenderOptions {
-    RenderOptions::new(SIZE, SIZE)
+/// Returns options for images with `size` rows and columns, direct light only, and `samples` paths per pixel.
+pub fn options(size: usize, samples: u32) -> RenderOptions {
+    RenderOptions::new(size, size)
         .with_bounces(0)
         .with_samples(samples)
 }
@@ -104,7 +95,7 @@ pub struct Seen {
 pub fn see(batch: &Batch, options: &RenderOptions) -> softray::Result<Seen> {
     let images = render_batch(batch, &options.clone().with_opacity())?;
     let Some(opacity) = images.opacity else {
-        unreachable!("opacity was asked for")
+        unreachable!("opacity is requested")
     };
     Ok(Seen {
         radiance: images.radiance,

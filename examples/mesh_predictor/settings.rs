@@ -1,5 +1,6 @@
 //! Sizes of data, network and training.
 
+use softray::modules::TetrahedralGrid;
 use softray::optim::BlurSchedule;
 
 use super::render::pixel;
@@ -7,17 +8,15 @@ use super::render::pixel;
 /// Sizes of data, network and training.
 #[derive(Clone, Debug)]
 pub struct Settings {
+    /// Rows and columns of an image.
+    pub size: usize,
     /// The numbers of training and validation objects.
     pub train: usize,
     pub validation: usize,
     /// Images per object. The first is the input of the network.
     pub views: usize,
-    /// Subdivisions of the ball for training, and for measurements and figures. Offsets are functions on the sphere,
-    /// so one network serves both. The coarse ball renders in a fraction of the time, since blur reaches fewer of its
-    /// faces.
-    pub subdivisions: [u32; 2],
-    /// The highest degree of the harmonics of the offsets.
-    pub degree: usize,
+    /// Nodes along each axis of the grid of distances: the size divided by a power of 2.
+    pub nodes: usize,
     /// Channels after each halving of the image, and features of the hidden layer.
     pub channels: Vec<usize>,
     pub hidden: usize,
@@ -29,24 +28,24 @@ pub struct Settings {
     pub rate: f64,
     /// Evaluations on the validation set during training.
     pub evaluations: usize,
+    /// Whether bodies are deformed balls in place of surfaces of any topology.
+    pub template: bool,
 }
 
 impl Settings {
-    /// Takes under a minute on two cores.
+    /// Takes about two minutes on two cores.
     pub fn quick() -> Self {
         Self {
-            train: 80,
-            validation: 12,
-            views: 3,
-            subdivisions: [2, 3],
-            degree: 4,
-            channels: vec![8, 16, 32, 32],
+            size: 64,
+            train: 200,
+            validation: 16,
+            nodes: 32,
+            channels: vec![16, 32, 48, 64],
             hidden: 64,
-            steps: 100,
-            batch: 8,
-            samples: 1,
-            rate: 3e-3,
-            evaluations: 5,
+            steps: 300,
+            rate: 2e-3,
+            evaluations: 4,
+            ..Self::full()
         }
     }
 
@@ -54,11 +53,12 @@ impl Settings {
     #[cfg(test)]
     pub fn tiny() -> Self {
         Self {
+            size: 32,
             train: 32,
             validation: 6,
             views: 2,
-            subdivisions: [1, 2],
-            degree: 2,
+            nodes: 16,
+            channels: vec![8, 16, 16],
             hidden: 32,
             steps: 60,
             batch: 4,
@@ -67,26 +67,38 @@ impl Settings {
         }
     }
 
-    /// Takes about half an hour on two idle cores.
+    /// Takes about an hour on two idle cores.
     pub fn full() -> Self {
         Self {
-            train: 3072,
+            size: 128,
+            train: 2048,
             validation: 96,
             views: 3,
-            subdivisions: [2, 3],
-            degree: 8,
-            channels: vec![16, 32, 64, 128],
+            nodes: 32,
+            channels: vec![16, 32, 64, 96, 128],
             hidden: 256,
-            steps: 4800,
-            batch: 16,
+            steps: 4000,
+            batch: 8,
             samples: 1,
-            rate: 1.5e-3,
-            evaluations: 12,
+            rate: 1e-3,
+            evaluations: 10,
+            template: false,
         }
     }
 
-    /// Returns a schedule with cones of 4 pixels at first, and of half a pixel after half of the steps.
+    /// The grid of distances. It fills the image of the input camera.
+    pub fn grid(&self) -> softray::Result<TetrahedralGrid> {
+        TetrahedralGrid::new(self.nodes - 1, 1.9)
+    }
+
+    /// Returns a schedule with cones of 2 pixels at first, and of half a pixel after half of the steps.
     pub fn blur(&self) -> softray::Result<BlurSchedule> {
-        BlurSchedule::decay(4.0 * pixel(), 0.5 * pixel(), (self.steps / 2).max(1))
+        let pixel = pixel(self.size);
+        BlurSchedule::decay(2.0 * pixel, 0.5 * pixel, (self.steps / 2).max(1))
+    }
+
+    /// The share of training that is done before a step, from 0 to 1.
+    pub fn done(&self, step: usize) -> f64 {
+        step as f64 / self.steps as f64
     }
 }

@@ -1,26 +1,37 @@
 //! The loss of a step: the difference between renders of the predictions and the images.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use burn::optim::AdamConfig;
-use softray::optim::{Evaluation, Fit, Fitted, MeshRegularizer, Part, Rate, Step, loss};
+use burn::optim::AdamWConfig;
+use softray::optim::{Evaluation, Fit, Fitted, Part, Rate, Step, loss};
 use softray::prelude::*;
 
 use super::common::study::Arguments;
 use super::dataset::Dataset;
-use super::evaluate::predict_and_measure;
-use super::network::{Bodies, Decoder, Network, row};
+use super::evaluate::predict_and_overlap;
+use super::network::{Bodies, Decoder, Network};
 use super::numbers::Numbers;
-use super::render::{BODY, options, scene, see};
+use super::render::{Seen, options, see};
 use super::settings::Settings;
 
 /// Weights of the parts of the loss. The weight of silhouettes is 1.
 const IMAGE: f64 = 20.0;
+/// Of soft silhouettes at the start. They open holes, and matter less and less.
+const SOFT: f64 = 4.0;
+const LEAST_SOFT: f64 = 0.1;
+const EIKONAL: f64 = 0.05;
+const BENDING: f64 = 0.05;
 const NORMALS: f64 = 0.1;
+/// The softness of soft silhouettes, over the step of the grid.
+const SOFTNESS: f64 = 1.0;
+/// The share of the steps at half of the resolution, and that in which the rate rises.
+const COARSE: f64 = 0.7;
+const WARM_UP: f64 = 0.02;
 
 /// Names of the forward pass's times in the history, in seconds; means over the devices.
 pub const NETWORK_SECONDS: &str = "network s";
 pub const RENDER_SECONDS: &str = "render s";
+pub const SOFT_SECONDS: &str = "soft s";
 
 /// The inputs of training besides the network.
 pub struct Trainer<'a> {
@@ -36,22 +47,12 @@ pub struct Place {
     /// Without autodiff.
     pub device: Device,
     pub decoder: Decoder,
-    /// The decoder for the validation set.
-    pub measured: Decoder,
-    regular: MeshRegularizer,
 }
 
 impl Place {
     pub fn new(settings: &Settings, device: Device) -> softray::Result<Self> {
-        let ball = |subdivisions| Decoder::new(subdivisions, settings.degree, &device);
-        let [coarse, fine] = settings.subdivisions;
-        let decoder = ball(coarse)?;
-        Ok(Self {
-            regular: MeshRegularizer::from_mesh(&decoder.ball)?,
-            measured: ball(fine)?,
-            decoder,
-            device,
-        })
+        let decoder = Decoder::new(settings, &device)?;
+        Ok(Self { device, decoder })
     }
 }
 
@@ -89,12 +90,18 @@ impl Objects {
 pub struct Parts {
     pub image: Tensor<1>,
     pub silhouette: Tensor<1>,
-    pub normals: Tensor<1>,
+    /// Of soft silhouettes, with their weight.
+    pub soft: Tensor<1>,
+    /// Penalties of the shape, with their weights.
+    pub shape: Tensor<1>,
+    /// The time that `soft` and `shape` took.
+    soft_time: Duration,
 }
 
 impl Parts {
     pub fn sum(&self) -> Tensor<1> {
-        self.image.clone() * IMAGE + self.silhouette.clone() + self.normals.clone() * NORMALS
+        let [soft, shape] = [&self.soft, &self.shape].map(Tensor::clone);
+        self.image.clone() * IMAGE + self.silhouette.clone() + soft + shape
     }
 }
 
@@ -107,13 +114,15 @@ impl Trainer<'_> {
     ) -> softray::Result<Fitted<Network>> {
         let settings = self.settings;
         let devices: Vec<Device> = self.places.iter().map(|p| p.device.clone()).collect();
-        Fit::new(network, AdamConfig::new().init(), settings.steps)
+        let warm_up = (WARM_UP * settings.steps as f64).ceil() as usize;
+        let optimizer = AdamWConfig::new().with_weight_decay(0.01);
+        Fit::new(network, optimizer.init(), settings.steps)
             .with_seed(arguments.seed)
-            .with_rate(Rate::cosine(settings.rate))
+            .with_rate(Rate::cosine(settings.rate).with_warm_up(warm_up))
             .with_blur(settings.blur()?)
             .with_clip(1.0)
             .with_folder(arguments.out.join("mesh_predictor"))
-            .with_checkpoint_every(25)
+            .with_checkpoint_every(50)
             .with_restart(!arguments.resume)
             .run_over(&devices, |network: &Network, step, part| {
                 self.evaluate(network, step, part)
@@ -133,10 +142,15 @@ impl Trainer<'_> {
     }
 
     /// Returns the network's predictions for a batch.
-    pub fn predict(&self, network: &Network, batch: &Objects, place: &Place) -> Bodies {
+    pub fn predict(
+        &self,
+        network: &Network,
+        batch: &Objects,
+        place: &Place,
+    ) -> softray::Result<Bodies> {
         let device = place.device.clone().autodiff();
         let images = self.data.images(&batch.inputs(), &device).radiance;
-        place.decoder.bodies(network.forward(images))
+        network.forward(images, &place.decoder)
     }
 
     /// Returns the loss of bodies. Each view is rendered twice with independent noise, so that the variance of the
@@ -148,19 +162,21 @@ impl Trainer<'_> {
         step: &Step,
         place: &Place,
     ) -> softray::Result<Parts> {
-        let template = |(k, &(item, _)): (usize, &(usize, usize))| {
-            let light = &self.data.items[item].light;
-            scene(place.decoder.ball.clone(), row(&bodies.color, k), light)
-        };
-        let scenes = batch.all.iter().enumerate().map(template).collect();
+        let light = |item: usize| &self.data.items[item].light;
+        let scenes = batch.all.iter().enumerate();
+        let scenes = scenes.map(|(k, &(item, _))| bodies.scene(k, light(item)));
         let compared = batch.compared();
-        let view = |(k, &(item, eye)): (usize, &(usize, usize))| {
-            (k / 2, self.data.items[item].eyes[eye].camera())
-        };
-        let views = compared.iter().enumerate().map(view).collect();
-        let views = Batch::views(scenes, views)?;
-        let views = views.with_vertices(BODY, bodies.vertices.clone())?;
-        let few = options(self.settings.samples);
+        let eye = |&(item, eye): &(usize, usize)| self.data.items[item].eyes[eye].camera();
+        let cameras: Vec<Camera> = compared.iter().map(eye).collect();
+        let views = cameras
+            .iter()
+            .enumerate()
+            .map(|(k, camera)| (k / 2, camera.clone()));
+        let views = Batch::views(scenes.collect(), views.collect())?;
+        let full = self.data.size;
+        let done = self.settings.done(step.index);
+        let size = if done < COARSE { full / 2 } else { full };
+        let few = options(size, self.settings.samples);
         let see = |render| {
             see(
                 &views,
@@ -169,11 +185,44 @@ impl Trainer<'_> {
         };
         let (a, b) = (see(0)?, see(1)?);
         let target = self.data.images(&compared, &place.device);
-        let image = (a.radiance - target.radiance.clone()) * (b.radiance - target.radiance);
+        let half = halved(target.clone());
+        let Seen { radiance, opacity } = if size == full { target } else { half.clone() };
+        let image = (a.radiance - radiance.clone()) * (b.radiance - radiance);
+        let zero = || image.clone().detach().sum() * 0.0;
+        let start = Instant::now();
+        let (soft, shape) = match (&place.decoder, &bodies.distances) {
+            (Decoder::Grid { grid, .. }, Some(distances)) => {
+                let step = grid.step();
+                let mut sum = zero();
+                for (k, camera) in cameras.iter().enumerate() {
+                    let own = distances.clone().narrow(0, k / 2, 1).squeeze_dim(0);
+                    let seen = grid.opacity(own, camera, [full / 2; 2], SOFTNESS * step)?;
+                    let target = half.opacity.clone().narrow(0, k, 1).squeeze_dim(0);
+                    sum = sum + (seen - target).powi_scalar(2).mean();
+                }
+                let weight = SOFT * (1.0 - done).max(LEAST_SOFT) / cameras.len() as f64;
+                let eikonal = loss::eikonal(distances.clone(), step)? * EIKONAL;
+                (
+                    sum * weight,
+                    eikonal + loss::bending(distances.clone(), step)? * BENDING,
+                )
+            }
+            (Decoder::Template(template), _) => {
+                let vertices = bodies.meshes.iter().map(|mesh| mesh.vertices.clone());
+                let vertices = Tensor::stack(vertices.collect(), 0);
+                (
+                    zero(),
+                    template.regular.normal_consistency(vertices) * NORMALS,
+                )
+            }
+            _ => unreachable!("grids have distances"),
+        };
         Ok(Parts {
             image: image.mean(),
-            silhouette: loss::silhouette_iou((a.opacity + b.opacity) * 0.5, target.opacity)?,
-            normals: place.regular.normal_consistency(bodies.vertices.clone()),
+            silhouette: loss::silhouette_iou((a.opacity + b.opacity) * 0.5, opacity)?,
+            soft,
+            shape,
+            soft_time: start.elapsed(),
         })
     }
 
@@ -188,14 +237,14 @@ impl Trainer<'_> {
         let all = self.batch(step);
         let batch = all.of_part(part);
         let start = Instant::now();
-        let bodies = self.predict(network, &batch, place);
+        let bodies = self.predict(network, &batch, place)?;
         let predicted = start.elapsed();
         let parts = self.compare(&bodies, &batch, step, place)?;
-        let rendered = start.elapsed() - predicted;
+        let rendered = start.elapsed() - predicted - parts.soft_time;
         let every = self.settings.steps.div_ceil(self.settings.evaluations);
         let validated = match part.index {
             0 if step.index.is_multiple_of(every.max(1)) => {
-                predict_and_measure(self.validation, network, &place.measured, &place.device)?
+                predict_and_overlap(self.validation, network, &place.decoder, &place.device)?
             }
             0 => [f64::NAN; 2],
             _ => [0.0; 2],
@@ -203,15 +252,30 @@ impl Trainer<'_> {
         // Losses and values are summed over the devices: of means, each device adds its share.
         let share = batch.all.len() as f64 / all.all.len() as f64;
         let value = |t: &Tensor<1>| share * f64::from(t.clone().into_scalar::<f32>());
-        let seconds = |time: std::time::Duration| time.as_secs_f64() / part.count as f64;
+        let seconds = |time: Duration| time.as_secs_f64() / part.count as f64;
         Ok(Evaluation::new(parts.sum() * share)
             .with_value("image", value(&parts.image))
             .with_value("silhouette", value(&parts.silhouette))
-            .with_value("normals", value(&parts.normals))
+            .with_value("soft", value(&parts.soft))
+            .with_value("shape", value(&parts.shape))
             .with_value("IoU input", validated[0])
             .with_value("IoU other", validated[1])
             .with_value(NETWORK_SECONDS, seconds(predicted))
-            .with_value(RENDER_SECONDS, seconds(rendered)))
+            .with_value(RENDER_SECONDS, seconds(rendered))
+            .with_value(SOFT_SECONDS, seconds(parts.soft_time)))
+    }
+}
+
+/// Images of half the size, by means of 2 × 2 pixels.
+fn halved(seen: Seen) -> Seen {
+    let [n, size, ..] = seen.opacity.dims();
+    let half = size / 2;
+    let radiance = seen.radiance.reshape([n, half, 2, half, 6]).mean_dim(2);
+    let radiance = radiance.reshape([n, half, half, 2, 3]).mean_dim(3);
+    let opacity = seen.opacity.reshape([n, half, 2, half, 2]);
+    Seen {
+        radiance: radiance.squeeze_dim(3),
+        opacity: opacity.mean_dim(4).mean_dim(2).reshape([n, half, half]),
     }
 }
 
@@ -255,18 +319,18 @@ mod tests {
             ..Settings::tiny()
         };
         let device = Device::flex();
-        let data = Dataset::new(("testing", 1), (6, 2), &device).expect("renders");
+        let data = Dataset::new(("testing", 1), 6, &settings, &device).expect("renders");
         let network = Network::new(&settings, 1, &device);
         let trainer = Trainer {
             settings: &settings,
             data: &data,
             validation: &data,
-            places: vec![Place::new(&settings, device).expect("icospheres")],
+            places: vec![Place::new(&settings, device).expect("a decoder")],
         };
         let place = &trainer.places[0];
         let loss = |network: &Network, step: &Step| {
             let batch = trainer.batch(step);
-            let bodies = trainer.predict(network, &batch, place);
+            let bodies = trainer.predict(network, &batch, place)?;
             Ok(trainer.compare(&bodies, &batch, step, place)?.sum())
         };
         // With the same seed, renders and gradients are identical to the bit.

@@ -62,10 +62,18 @@ fn commands_with(feature: &str, text: &str) -> Vec<String> {
     commands.filter_map(before_output).collect()
 }
 
+/// All that needs more than the default features shares one build.
+const FEATURES: &str = "--features vulkan,ndarray,train,remote-server";
+
+/// `.ci/run` with the command that runs tests of these features written out.
+fn ci_run() -> String {
+    let text = text(".ci/run");
+    assert!(text.contains("all=(cargo test --release --features \"$features\""));
+    text.replace("\"${all[@]}\"", &format!("cargo test {FEATURES}"))
+}
+
 /// A test of a feature that no command builds would never run.
 pub fn not_run() -> Vec<String> {
-    // All that needs more than the default features shares one build.
-    const FEATURES: &str = "--features vulkan,ndarray,train,remote-server";
     let on_gpus = |s: &Subject| s.program == "gpu";
     // `cpu_devices` are more with ndarray.
     let parts = [
@@ -80,7 +88,12 @@ pub fn not_run() -> Vec<String> {
     };
     let subjects = subjects();
     let missing = |file: &str, feature: &str, needs: &dyn Fn(&Subject) -> bool| -> Vec<String> {
-        let commands = commands_with(feature, &text(file));
+        let text = if file == ".ci/run" {
+            ci_run()
+        } else {
+            text(file)
+        };
+        let commands = commands_with(feature, &text);
         let is_run = |s: &Subject| commands.iter().any(|command| s.is_run_by(command));
         let missing = subjects.iter().filter(|s| needs(s) && !is_run(s));
         let show = |s: &Subject| format!("{file}: {}::{}", s.program, s.module);
@@ -89,7 +102,7 @@ pub fn not_run() -> Vec<String> {
     };
     let mut all = missing(".ci/run", FEATURES, &needs);
     all.extend(missing("README.md", "--features vulkan", &on_gpus));
-    let units = commands_with(FEATURES, &text(".ci/run"));
+    let units = commands_with(FEATURES, &ci_run());
     if !units.iter().any(|command| command.contains(" --lib ")) {
         all.push(".ci/run: --lib".to_owned());
     }
@@ -98,7 +111,7 @@ pub fn not_run() -> Vec<String> {
 
 /// Filters of commands that no test has: such a command passes without one.
 pub fn without_tests() -> Vec<String> {
-    let (subjects, commands) = (subjects(), commands_with("--features", &text(".ci/run")));
+    let (subjects, commands) = (subjects(), commands_with("--features", &ci_run()));
     let is_of_a_test = |filter: &&str| {
         let (module, name) = filter.split_once("::").unwrap_or((*filter, ""));
         let test = format!("fn {name}");

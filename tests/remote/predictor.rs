@@ -25,7 +25,7 @@ fn trained(devices: Vec<Device>, name: &str) -> Vec<f64> {
         ..Settings::tiny()
     };
     let device = Device::flex();
-    let data = |name, seed| Dataset::new((name, seed), (6, settings.views), &device);
+    let data = |name, seed| Dataset::new((name, seed), 6, &settings, &device);
     let [data, validation] =
         [("training", 1), ("validation", 2)].map(|(name, seed)| data(name, seed).expect("renders"));
     let places = devices.into_iter().map(|d| Place::new(&settings, d));
@@ -33,7 +33,7 @@ fn trained(devices: Vec<Device>, name: &str) -> Vec<f64> {
         settings: &settings,
         data: &data,
         validation: &validation,
-        places: places.collect::<softray::Result<_>>().expect("icospheres"),
+        places: places.collect::<softray::Result<_>>().expect("a decoder"),
     };
     let network = Network::new(&settings, 1, &device);
     let arguments = Arguments::for_tests(target_folder(name));
@@ -42,7 +42,7 @@ fn trained(devices: Vec<Device>, name: &str) -> Vec<f64> {
         let values = fitted.history.curve(name).into_iter();
         values.map(|(_, value)| value).take(steps)
     };
-    let parts = ["loss", "image", "silhouette", "normals"].map(|name| (name, STEPS));
+    let parts = ["loss", "image", "silhouette", "soft", "shape"].map(|name| (name, STEPS));
     // Later overlaps could differ by a pixel at their threshold.
     let overlaps = ["IoU input", "IoU other"].map(|name| (name, 1));
     parts.into_iter().chain(overlaps).flat_map(curve).collect()
@@ -54,7 +54,7 @@ fn a_training_over_two_servers_is_that_of_one_device() {
     let one = trained(vec![Device::flex()], "predictor-one");
     let two = servers.each_ref().map(Server::device);
     let two = trained(two.to_vec(), "predictor-two");
-    assert_eq!(one.len(), 4 * STEPS + 2);
+    assert_eq!(one.len(), 5 * STEPS + 2);
     let most = largest(pairs(&one, &two).map(|(a, b)| (a - b) / (1.0 + a.abs())));
     println!("{most:e}");
     assert!(most < 1e-5, "{one:?} {two:?}");

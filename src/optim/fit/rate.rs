@@ -10,6 +10,7 @@ pub struct Rate {
     start: f64,
     end: f64,
     cosine: bool,
+    warm_up: usize,
 }
 
 impl Rate {
@@ -33,17 +34,34 @@ impl Rate {
             start,
             end,
             cosine: false,
+            warm_up: 0,
         }
+    }
+
+    /// Lets the rate rise in proportion to the step during the first `steps` steps, where optimizers with moments, such as
+    /// Adam, have seen few gradients (Goyal et al. 2017, *Accurate, Large Minibatch SGD*): it is multiplied by
+    /// (step + 1)/`steps` there.
+    ///
+    /// ```
+    /// use softray::optim::Rate;
+    /// let rate = Rate::constant(0.1).with_warm_up(4);
+    /// assert_eq!([0, 1, 3, 50].map(|step| rate.at(step, 100)), [0.025, 0.05, 0.1, 0.1]);
+    /// ```
+    pub fn with_warm_up(mut self, steps: usize) -> Self {
+        self.warm_up = steps;
+        self
     }
 
     /// Returns the rate at a step of a fit of `steps` steps.
     pub fn at(&self, step: usize, steps: usize) -> f64 {
         let done = step as f64 / steps.max(1) as f64;
-        if self.cosine {
-            self.start * 0.5 * (1.0 + (std::f64::consts::PI * done).cos())
-        } else {
-            self.start * (self.end / self.start).powf(done)
-        }
+        let rising = ((step + 1) as f64 / self.warm_up.max(1) as f64).min(1.0);
+        rising
+            * if self.cosine {
+                self.start * 0.5 * (1.0 + (std::f64::consts::PI * done).cos())
+            } else {
+                self.start * (self.end / self.start).powf(done)
+            }
     }
 
     pub(super) fn check(&self) -> Result<()> {
@@ -54,11 +72,15 @@ impl Rate {
 
 impl fmt::Display for Rate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { start, end, cosine } = self;
-        match (cosine, start == end) {
+        let (start, end) = (self.start, self.end);
+        match (self.cosine, start == end) {
             (true, _) => write!(f, "from {start} to 0 along a cosine"),
             (_, true) => write!(f, "{start}"),
             _ => write!(f, "from {start} to {end}"),
+        }?;
+        match self.warm_up {
+            0 => Ok(()),
+            steps => write!(f, ", rising over {steps} steps"),
         }
     }
 }
