@@ -44,6 +44,10 @@ struct Introduction;
 struct Photographs;
 
 #[cfg(all(doctest, feature = "fit"))]
+#[doc = include_str!("../docs/PREDICTOR.md")]
+struct Predictor;
+
+#[cfg(all(doctest, feature = "fit"))]
 mod recipes {
     #[doc = include_str!("../docs/recipes/pose.md")]
     struct Pose;

@@ -349,7 +349,9 @@ mod tests {
                     squares: Vec::new(),
                 };
                 network.visit(&mut sizes);
-                assert_eq!(sizes.squares.len(), 4 * settings.channels.len() + 10);
+                // Weights and biases of six layers, and of ten in each level of both directions.
+                let levels = settings.channels.len() - 1;
+                assert_eq!(sizes.squares.len(), 12 + 20 * levels);
                 for (path, square) in &sizes.squares {
                     assert!(square.is_finite() && *square > 1e-14, "{path}: {square}");
                 }
