@@ -115,6 +115,46 @@ fn derivatives_are_those_of_differences() {
     assert!((found / expected - 1.0).abs() < 1e-5, "{found}, {expected}");
 }
 
+/// The derivatives of a soft silhouette, of pixels on a torus, in its hole and beside it, are those of central differences.
+/// The least distance along a ray is at another sample where two are equal, so the silhouette is continuous there.
+#[test]
+fn derivatives_of_soft_silhouettes() {
+    let grid = TetrahedralGrid::new(12, 2.0).expect("a grid");
+    let (n, start) = (grid.size(), distances(grid, torus));
+    let way: Vec<f64> = (0..start.len()).map(|i| (0.3 * i as f64).sin()).collect();
+    let camera = Camera::look_at([0.4, 0.3, 4.0], [0.0; 3]).with_fov_y(32.0);
+    let at = |t: f64| {
+        let values = start.iter().zip(&way).map(|(v, w)| v + t * w);
+        let distances = tensor(values.collect(), [n, n, n])
+            .autodiff()
+            .require_grad();
+        let seen = grid.opacity(distances.clone(), &camera, [20, 16], 0.2);
+        (distances, seen.expect("a silhouette"))
+    };
+    let (distances, seen) = at(0.0);
+    let shown = seen
+        .clone()
+        .into_data()
+        .try_to_vec::<f64>()
+        .expect("opacity");
+    let near = |value: f64| shown.iter().any(|&v| (v - value).abs() < 0.05);
+    assert!(near(0.9) && near(0.5) && near(0.05), "{shown:?}");
+    let weights: Vec<f64> = (0..320).map(|i| 1.5 + f64::from(i).cos()).collect();
+    let weights = tensor(weights, [16, 20]).autodiff();
+    let gradients = (seen * weights.clone()).sum().backward();
+    let by = distances.grad(&gradients).expect("a gradient").into_data();
+    let by = by.try_to_vec::<f64>().expect("numbers");
+    let found: f64 = by.iter().zip(&way).map(|(g, w)| g * w).sum();
+    const STEP: f64 = 1e-5;
+    let [more, less] =
+        [STEP, -STEP].map(|t| (at(t).1 * weights.clone()).sum().into_scalar::<f64>());
+    let expected = (more - less) / (2.0 * STEP);
+    assert!(
+        expected.abs() > 1.0 && (found / expected - 1.0).abs() < 1e-3,
+        "{found}, {expected}"
+    );
+}
+
 /// Grids of a batch are those of single grids, and render together: a torus, a ball, and all of the cube.
 #[test]
 fn grids_of_a_batch() {
