@@ -6,6 +6,7 @@ use burn::module::{Module, Param};
 use clap::Parser;
 use softray::optim::{
     BlurSchedule, Evaluation, LargeSteps, LargeStepsConfig, MeshRegularizer, Rate, loss,
+    sample_points,
 };
 use softray::prelude::*;
 
@@ -18,6 +19,8 @@ struct Body {
 }
 
 const VIEWS: usize = 12;
+/// Points of each surface for the Chamfer distance.
+const POINTS: usize = 4000;
 
 /// Maps a point of the ball to the target: stretched, with three lobes, a dent and a bend.
 fn formed([x, y, z]: [f64; 3]) -> [f64; 3] {
@@ -72,7 +75,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         .with_opacity();
     let see = |camera: &Camera| -> Result<(Tensor<3>, Tensor<2>), Failure> {
         let image = render(&still, camera, &sharp)?;
-        let opacity = image.opacity.ok_or("opacity was asked for")?;
+        let opacity = image.opacity.ok_or("opacity is requested")?;
         Ok((image.radiance, opacity))
     };
     let targets = cameras.iter().map(see).collect::<Result<Vec<_>, _>>()?;
@@ -88,7 +91,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let module = Body {
         vertices: Param::from_tensor(first.clone().autodiff()),
     };
-    let wanted = spread(&goal)?;
+    let wanted = sample_points(&goal, POINTS, 0)?;
     let steps = LargeSteps::from_mesh(&ball, &LargeStepsConfig::default().with_lambda(8.0))?;
     let per_step = arguments.either(2, 3);
     let fitted = study
@@ -143,15 +146,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         let mut sum = 0.0;
         for (camera, (_, silhouette)) in cameras.iter().zip(&targets) {
             let opacity = render(&scene, camera, &sharp)?.opacity;
-            let opacity = opacity.ok_or("opacity was asked for")?;
+            let opacity = opacity.ok_or("opacity is requested")?;
             sum += loss::iou(&opacity, silhouette, 0.5)?;
         }
         Ok(sum / VIEWS as f64)
     };
-    let errors = [
-        chamfer(&spread(&before)?, &wanted),
-        chamfer(&spread(&found)?, &wanted),
-    ];
+    let apart = |mesh: &Mesh| -> softray::Result<f64> {
+        let distance = loss::chamfer(sample_points(mesh, POINTS, 1)?, wanted.clone())?;
+        Ok(distance.into_scalar::<f32>().into())
+    };
+    let errors = [apart(&before)?, apart(&found)?];
     let outcome = Outcome {
         errors,
         of: "Chamfer distance, mean squared, both ways, scene units²".into(),
@@ -163,45 +167,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     };
     let plots = vec![fitted.history.plot("blur, °", &["blur"])?.with_log_scale()];
     study.finish(&fitted, images, plots, outcome)
-}
-
-/// Returns points that are evenly spread over the area of a mesh, by a golden-ratio sequence.
-fn spread(mesh: &Mesh) -> Result<Vec<[f64; 3]>, Failure> {
-    const POINTS: usize = 4000;
-    let vertices = mesh.host_vertices()?;
-    let corner = |i: u32| glam::DVec3::from(vertices[i as usize]);
-    let corners: Vec<[glam::DVec3; 3]> = mesh.faces.iter().map(|f| f.map(corner)).collect();
-    let mut areas = Vec::with_capacity(corners.len());
-    let mut total = 0.0;
-    for [a, b, c] in &corners {
-        total += 0.5 * (*b - *a).cross(*c - *a).length();
-        areas.push(total);
-    }
-    let point = |i: usize| {
-        let along = (i as f64 + 0.5) / POINTS as f64 * total;
-        let k = areas.partition_point(|&a| a < along).min(areas.len() - 1);
-        let (u, v) = (
-            (i as f64 * 0.754_877_666).fract(),
-            (i as f64 * 0.569_840_291).fract(),
-        );
-        let root = u.sqrt();
-        let [a, b, c] = corners[k];
-        (a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v)).to_array()
-    };
-    Ok((0..POINTS).map(point).collect())
-}
-
-/// Returns the mean squared distance to the nearest point, summed over both ways.
-fn chamfer(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
-    let one_way = |a: &[[f64; 3]], b: &[[f64; 3]]| {
-        let nearest = |p: &[f64; 3]| {
-            let p = glam::DVec3::from(*p);
-            let square = |q: &[f64; 3]| p.distance_squared(glam::DVec3::from(*q));
-            b.iter().map(square).fold(f64::INFINITY, f64::min)
-        };
-        a.iter().map(nearest).sum::<f64>() / a.len() as f64
-    };
-    one_way(a, b) + one_way(b, a)
 }
 
 fn main() -> Result<(), Failure> {

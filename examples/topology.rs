@@ -133,18 +133,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             sum = sum
                 + loss::mse_unbiased(a.radiance, b.radiance, color)?
                 + loss::silhouette_iou(opacity, silhouette.clone())? * 0.2;
-            for (i, camera) in some.iter().enumerate() {
-                let target = silhouette
-                    .clone()
-                    .narrow(0, i, 1)
-                    .squeeze_dim::<2>(0)
-                    .autodiff();
-                let found =
-                    grid.opacity(shape.distances.val(), camera, [size; 2], 2.0 * grid.step())?;
-                sum = sum + (found - target).powi_scalar(2).mean() * (0.5 * soft / per_step as f64);
-            }
             let grids = shape.distances.val().unsqueeze();
+            let views: Vec<_> = some.iter().map(|camera| (0, camera.clone())).collect();
+            let found = grid.opacity(grids.clone(), &views, [size; 2], 2.0 * grid.step())?;
+            let soft_loss = (found - silhouette.autodiff()).powi_scalar(2).mean();
             sum = sum
+                + soft_loss * (0.5 * soft)
                 + loss::eikonal(grids.clone(), grid.step())? * 0.02
                 + loss::bending(grids, grid.step())? * 0.02;
         }

@@ -19,7 +19,7 @@ pub type Failure = Box<dyn Error>;
 /// The arguments of an example with a fit.
 #[derive(Parser, Clone, Debug)]
 pub struct Arguments {
-    /// Run a shorter fit of smaller images, under 40 s.
+    /// Run a shorter fit of smaller images.
     #[arg(long)]
     pub quick: bool,
     /// Number of steps of the fit.

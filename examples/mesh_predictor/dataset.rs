@@ -168,6 +168,13 @@ impl Dataset {
         Ok(data)
     }
 
+    /// Returns the first `count` items.
+    pub fn truncated(mut self, count: usize) -> Self {
+        self.items.truncate(count);
+        self.views.truncate(count);
+        self
+    }
+
     /// Adds the mirror image of every item, which doubles the data without more renders.
     pub fn with_mirrored(mut self) -> Self {
         let mirrored: Vec<Item> = self.items.iter().map(Item::mirrored).collect();

@@ -20,12 +20,13 @@ const RESOLUTION: usize = 40;
 pub struct Scores {
     /// Intersection over union of silhouettes in the input views and in the others.
     pub silhouettes: [f64; 2],
-    /// Of the silhouettes of each object with the prediction for the next one: what a network scores that does not look.
+    /// The same of each object with the prediction for another image.
     pub of_another: [f64; 2],
     /// Intersection over union of the volumes.
     pub volume: f64,
-    /// The share of objects with one hole, and of those without, whose prediction has as many.
-    pub genus: [f64; 2],
+    /// The number of objects with one hole, and of those without, whose prediction has as many, and the number of such
+    /// objects.
+    pub genus: [[usize; 2]; 2],
     /// Parts of a prediction.
     pub parts: f64,
     /// Folds, crossing faces, and surfaces that are not closed, of all predictions.
@@ -87,7 +88,7 @@ pub fn overlap(
 /// Returns all scores of predictions.
 pub fn measure(data: &Dataset, bodies: &Bodies, device: &Device) -> softray::Result<Scores> {
     let (mut volume, mut parts, mut flaws) = (0.0, 0, [0; 3]);
-    let (mut right, mut of) = ([0.0; 2], [0.0; 2]);
+    let mut genus = [[0; 2]; 2];
     for (item, mesh) in data.items.iter().zip(&bodies.meshes) {
         let mesh = TriangleMesh::try_from(mesh)?;
         volume += volume_iou(&mesh, &item.mesh(), RESOLUTION)?;
@@ -97,15 +98,15 @@ pub fn measure(data: &Dataset, bodies: &Bodies, device: &Device) -> softray::Res
         let own = [found.folds, found.crossings, open];
         flaws = [0, 1, 2].map(|k| flaws[k] + own[k]);
         let kind = usize::from(item.shape.genus == 0);
-        of[kind] += 1.0;
-        right[kind] += f64::from(found.genus == Some(item.shape.genus));
+        genus[kind][0] += usize::from(found.genus == Some(item.shape.genus));
+        genus[kind][1] += 1;
     }
     let count = data.items.len() as f64;
     Ok(Scores {
         silhouettes: overlap(data, bodies, 0, device)?,
         of_another: overlap(data, bodies, 1, device)?,
         volume: volume / count,
-        genus: [0, 1].map(|kind| right[kind] / of[kind]),
+        genus,
         parts: parts as f64 / count,
         flaws,
     })

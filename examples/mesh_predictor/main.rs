@@ -76,8 +76,8 @@ impl Outcome {
                 silhouettes[0], silhouettes[1], of_another[0], of_another[1]
             );
             println!(
-                "    genus right {:.2} with a hole, {:.2} without; {parts:.2} parts; {} folds, {} crossings, {} not closed",
-                genus[0], genus[1], flaws[0], flaws[1], flaws[2]
+                "    genus right for {} of {} with a hole, {} of {} without; {parts:.2} parts; {} folds, {} crossings, {} not closed",
+                genus[0][0], genus[0][1], genus[1][0], genus[1][1], flaws[0], flaws[1], flaws[2]
             );
         }
     }
@@ -135,10 +135,10 @@ pub(crate) fn learn(
 
     let network = &trained.module;
     let seen = settings.validation.min(settings.train);
-    let learned = scores(&make("part of the training set", 0, seen)?, network)?;
+    let learned = scores(&data.truncated(seen), network)?;
     let bodies = predict(&validation, network, &decoder, &device)?;
     let after = measure(&validation, &bodies, &device)?;
-    let path = arguments.out.join("mesh_predictor.png");
+    let path = arguments.out.join(format!("{}.png", settings.name()));
     picture::write(&path, &validation, &bodies, &trained.history, &device)?;
 
     let mean = |name: &str| {

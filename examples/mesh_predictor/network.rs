@@ -55,9 +55,9 @@ impl Residual {
     }
 }
 
-/// From features of the image at each resolution to distances at the nodes of a grid: the rows and columns of a feature map
-/// are those of the grid as the input camera sees it, and its channels are the nodes along the third axis (a U-Net,
-/// Ronneberger et al. 2015).
+/// From features of the image at each resolution to distances at the nodes of a grid (a U-Net, Ronneberger et al. 2015). The
+/// rows and columns of a feature map are about those of the grid as the input camera sees it: perspective moves nodes by at
+/// most a sixth of the image. Its channels are the nodes along the third axis.
 #[derive(Module, Debug)]
 struct GridHead {
     start: Linear,
@@ -189,7 +189,8 @@ impl Network {
     }
 }
 
-/// Lowers the distances `[B, N, N, N]` of a grid that is all outside, so that the node with the least one is inside.
+/// Lowers the distances `[B, N, N, N]` of each grid whose least one is above −0.1 steps, so that this node is inside. The
+/// change is constant for gradients.
 fn with_surface(distances: Tensor<4>, step: f64) -> Tensor<4> {
     let [count, n, ..] = distances.dims();
     let inner = distances
@@ -223,4 +224,42 @@ impl Bodies {
 /// Returns row `i`, `[C]`, of a table `[B, C]`.
 pub fn row(table: &Tensor<2>, i: usize) -> Tensor<1> {
     table.clone().slice([i..i + 1]).squeeze_dim(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::tensor::{Distribution, TensorData};
+
+    /// The distance at a node depends on the pixels where the input camera sees the node: rows go down and y goes up.
+    #[test]
+    fn nodes_see_their_pixels() {
+        let settings = Settings::tiny();
+        let device = Device::flex();
+        let decoder = Decoder::new(&settings, &device).expect("a grid");
+        let network = Network::new(&settings, 3, &device);
+        let (size, nodes) = (settings.size, settings.nodes);
+        let shape = [1, size, size, 3];
+        let images = Tensor::<4>::random(shape, Distribution::Uniform(0.2, 0.6), &device);
+        for [x, y] in [[2, 3], [13, 3], [2, 12]] {
+            let images = images.clone().autodiff().require_grad();
+            let bodies = network
+                .forward(images.clone(), &decoder)
+                .expect("a surface");
+            let distances = bodies.distances.expect("a grid");
+            let column = distances.slice([0..1, x..x + 1, y..y + 1, 0..nodes]);
+            let by = images.grad(&column.powi_scalar(2).sum().backward());
+            let by: TensorData = by
+                .expect("a gradient")
+                .powi_scalar(2)
+                .sum_dim(3)
+                .into_data();
+            let by: Vec<f64> = by.iter::<f64>().collect();
+            let most = (0..by.len()).max_by(|&a, &b| by[a].total_cmp(&by[b]));
+            let most = most.expect("pixels");
+            let seen = [most % size, size - 1 - most / size].map(|at| at * nodes / size);
+            let apart = seen[0].abs_diff(x).max(seen[1].abs_diff(y));
+            assert!(apart <= 3, "{seen:?} for {x}, {y}");
+        }
+    }
 }

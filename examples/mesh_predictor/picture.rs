@@ -29,9 +29,9 @@ pub fn write(
         ["another view", "prediction"],
         ["a third view", "prediction"],
     ];
-    for kind in 0..KINDS.len() {
-        let first = data.items.iter().position(|item| item.shape.kind == kind);
-        let Some(i) = first else { continue };
+    let first = |kind| data.items.iter().position(|item| item.shape.kind == kind);
+    let shown: Vec<usize> = (0..KINDS.len()).filter_map(first).collect();
+    for &i in &shown {
         let item = &data.items[i];
         let cameras: Vec<Camera> = item.eyes.iter().map(|eye| eye.camera()).collect();
         let batch = Batch::new(vec![bodies.scene(i, &item.light)], cameras)?;
@@ -44,7 +44,7 @@ pub fn write(
                 row.push((*caption, HostImage::from_tensor(&image)?));
             }
         }
-        let last = kind + 1 == KINDS.len();
+        let last = shown.last() == Some(&i);
         let caption = |caption| if last { caption } else { "" };
         let panels = row.iter().map(|(c, image)| Panel::new(caption(*c), image));
         figure = figure.with_row(panels);

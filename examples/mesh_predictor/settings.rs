@@ -8,16 +8,16 @@ use super::render::pixel;
 /// Sizes of data, network and training.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Rows and columns of an image.
+    /// Rows and columns of an image, a multiple of 2^(number of `channels`).
     pub size: usize,
     /// The numbers of training and validation objects.
     pub train: usize,
     pub validation: usize,
     /// Images per object. The first is the input of the network.
     pub views: usize,
-    /// Nodes along each axis of the grid of distances: the size divided by a power of 2.
+    /// Nodes along each axis of the grid of distances: the size divided by 2, 4, … or 2^(number of `channels`).
     pub nodes: usize,
-    /// Channels after each halving of the image, and features of the hidden layer.
+    /// Channels after each halving of the image, multiples of 4, and features of the hidden layer.
     pub channels: Vec<usize>,
     pub hidden: usize,
     pub steps: usize,
@@ -86,7 +86,16 @@ impl Settings {
         }
     }
 
-    /// The grid of distances. It fills the image of the input camera.
+    /// The name of the picture and of the folder with checkpoints.
+    pub fn name(&self) -> &'static str {
+        if self.template {
+            "mesh_predictor_template"
+        } else {
+            "mesh_predictor"
+        }
+    }
+
+    /// The grid of distances. It covers 87 % of the input image's width at the origin, and all of it at the front.
     pub fn grid(&self) -> softray::Result<TetrahedralGrid> {
         TetrahedralGrid::new(self.nodes - 1, 1.9)
     }

@@ -96,7 +96,11 @@ impl Shape {
                 };
                 let (first, second) = (one(n), one(n));
                 let turn = DQuat::from_rotation_y(n.uniform(0.0, PI));
-                let offset = DVec3::from(n.vector(-0.45, 0.45));
+                // Balls of these radii are inside of them, also of octahedra, so that the two overlap.
+                let [a, b] =
+                    [&first, &second].map(|mesh| extent(mesh).min_element() / 3_f64.sqrt());
+                let along = DVec3::from(n.vector(-1.0, 1.0)).normalize_or(DVec3::X);
+                let offset = along * ((a + b) * n.uniform(0.5, 0.95));
                 (vec![first, moved(second, |p| turn * p + offset)], 0, PI)
             }
             "link" => {
@@ -111,19 +115,8 @@ impl Shape {
             "mug" => (mug(n), 1, 1.2),
             "frame" => (vec![frame(n)], 1, 1.0),
             _ => {
-                let (genus, strokes) = LETTERS[n.index(LETTERS.len())];
-                let (width, depth) = (n.uniform(0.1, 0.16), n.uniform(0.12, 0.25));
-                let stroke = |(i, &[x, y, to_x, to_y]): (usize, &[f64; 4])| {
-                    let (from, to) = (DVec2::new(x, y), DVec2::new(to_x, to_y));
-                    let along = to - from;
-                    let turn = DQuat::from_rotation_z(along.to_angle());
-                    let middle = (0.5 * (from + to)).extend(0.0);
-                    // Faces of two strokes are not in one plane.
-                    let depth = depth * (1.0 - 0.02 * i as f64);
-                    let half = DVec3::new(0.5 * along.length() + width, width, depth);
-                    moved(cuboid(half), |p| turn * p + middle)
-                };
-                (strokes.iter().enumerate().map(stroke).collect(), genus, 1.0)
+                let (parts, genus) = letter(n.index(LETTERS.len()), n);
+                (parts, genus, 1.0)
             }
         };
         let mut mesh = joined(parts);
@@ -143,6 +136,12 @@ impl Shape {
             turn,
         }
     }
+}
+
+/// The largest distance from the origin along each axis.
+fn extent(mesh: &TriangleMesh) -> DVec3 {
+    let all = mesh.positions.iter();
+    all.fold(DVec3::ZERO, |most, &p| most.max(DVec3::from(p).abs()))
 }
 
 fn moved(mut mesh: TriangleMesh, f: impl Fn(DVec3) -> DVec3) -> TriangleMesh {
@@ -312,6 +311,27 @@ fn mug(n: &mut Numbers) -> Vec<TriangleMesh> {
     ]
 }
 
+/// The strokes of a letter, and its number of holes.
+fn letter(index: usize, n: &mut Numbers) -> (Vec<TriangleMesh>, usize) {
+    let (genus, strokes) = LETTERS[index];
+    let (width, depth) = (n.uniform(0.1, 0.16), n.uniform(0.12, 0.25));
+    let stroke = |(i, &[x, y, to_x, to_y]): (usize, &[f64; 4])| {
+        let (from, to) = (DVec2::new(x, y), DVec2::new(to_x, to_y));
+        let along = to - from;
+        let turn = DQuat::from_rotation_z(along.to_angle());
+        let middle = (0.5 * (from + to)).extend(0.0);
+        // Strokes differ a little, so that no two faces are in one plane.
+        let size = 1.0 - 0.02 * i as f64;
+        let half = DVec3::new(
+            0.5 * along.length() + width * size,
+            width * size,
+            depth * size,
+        );
+        moved(cuboid(half), |p| turn * p + middle)
+    };
+    (strokes.iter().enumerate().map(stroke).collect(), genus)
+}
+
 /// A rectangle with a rectangular hole.
 fn frame(n: &mut Numbers) -> TriangleMesh {
     let (half, depth) = (DVec2::from(n.vector(0.4, 0.7)), n.uniform(0.08, 0.2));
@@ -336,32 +356,33 @@ mod tests {
     use softray::modules::TetrahedralGrid;
     use softray::prelude::*;
 
-    /// The parts are closed surfaces that face outwards. The surface of their union has as many holes as it says.
-    #[test]
-    fn shapes_are_closed_and_have_their_holes() {
+    /// The parts are closed surfaces that face outwards. The surface of their union is one, with as many holes as it says.
+    fn check(mesh: &TriangleMesh, genus: usize, kind: &str) {
         let device = Device::flex();
         let grid = TetrahedralGrid::new(56, 2.0).expect("a grid");
-        let mut holes = [0; 2];
-        for (i, kind) in (0..KINDS.len()).flat_map(|kind| [kind; 4]).enumerate() {
+        let found = mesh.statistics().expect("a valid mesh");
+        assert!(found.is_solid() && found.volume > 0.0, "{kind}: {found:?}");
+        let nodes = grid.nodes(&device).into_data();
+        let nodes: Vec<f64> = nodes.iter::<f64>().collect();
+        let nodes: Vec<[f64; 3]> = nodes.chunks(3).map(|p| [p[0], p[1], p[2]]).collect();
+        let distances = signed_distances(mesh, &nodes).expect("a closed mesh");
+        let distances = Tensor::<1>::from_floats(distances.as_slice(), &device);
+        let size = grid.size();
+        let union = grid.surfaces(distances.reshape([1, size, size, size]), None);
+        let union = TriangleMesh::try_from(&union.expect("a surface")[0]).expect("a mesh");
+        let union = union.statistics().expect("a valid mesh");
+        assert_eq!((union.genus, union.components), (Some(genus), 1), "{kind}");
+    }
+
+    #[test]
+    fn shapes_are_closed_and_have_their_holes() {
+        for (i, kind) in (0..KINDS.len()).flat_map(|kind| [kind; 3]).enumerate() {
             let shape = Shape::random(kind, &mut Numbers::new(5, i as u64));
-            let found = shape.mesh.statistics().expect("a valid mesh");
-            assert!(
-                found.is_solid() && found.volume > 0.0,
-                "{}: {found:?}",
-                KINDS[kind]
-            );
-            let nodes = grid.nodes(&device).into_data();
-            let nodes: Vec<f64> = nodes.iter::<f64>().collect();
-            let nodes: Vec<[f64; 3]> = nodes.chunks(3).map(|p| [p[0], p[1], p[2]]).collect();
-            let distances = signed_distances(&shape.mesh, &nodes).expect("a closed mesh");
-            let distances = Tensor::<1>::from_floats(distances.as_slice(), &device);
-            let size = grid.size();
-            let union = grid.surfaces(distances.reshape([1, size, size, size]), None);
-            let union = TriangleMesh::try_from(&union.expect("a surface")[0]).expect("a mesh");
-            let union = union.statistics().expect("a valid mesh");
-            assert_eq!(union.genus, Some(shape.genus), "{}: {union:?}", KINDS[kind]);
-            holes[shape.genus] += 1;
+            check(&shape.mesh, shape.genus, KINDS[kind]);
         }
-        assert!(holes[0] >= 16 && holes[1] >= 12, "{holes:?}");
+        for index in 0..LETTERS.len() {
+            let (parts, genus) = letter(index, &mut Numbers::new(7, index as u64));
+            check(&joined(parts), genus, &format!("letter {index}"));
+        }
     }
 }

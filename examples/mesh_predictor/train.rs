@@ -16,16 +16,18 @@ use super::settings::Settings;
 
 /// Weights of the parts of the loss. The weight of silhouettes is 1.
 const IMAGE: f64 = 20.0;
-/// Of soft silhouettes at the start. They open holes, and matter less and less.
+/// The weight of soft silhouettes, which open holes, at the start. It falls linearly over the steps, to the share `LEAST_SOFT`.
 const SOFT: f64 = 4.0;
 const LEAST_SOFT: f64 = 0.1;
+/// Weights of penalties: of grids whose values are not distances, of grids that bend, and of templates that bend.
 const EIKONAL: f64 = 0.05;
 const BENDING: f64 = 0.05;
 const NORMALS: f64 = 0.1;
 /// The softness of soft silhouettes, over the step of the grid.
 const SOFTNESS: f64 = 1.0;
-/// The share of the steps at half of the resolution, and that in which the rate rises.
+/// The share of the steps that render at half of the resolution.
 const COARSE: f64 = 0.7;
+/// The share of the steps in which the learning rate rises.
 const WARM_UP: f64 = 0.02;
 
 /// Names of the forward pass's times in the history, in seconds; means over the devices.
@@ -100,8 +102,8 @@ pub struct Parts {
 
 impl Parts {
     pub fn sum(&self) -> Tensor<1> {
-        let [soft, shape] = [&self.soft, &self.shape].map(Tensor::clone);
-        self.image.clone() * IMAGE + self.silhouette.clone() + soft + shape
+        let image = self.image.clone() * IMAGE;
+        image + self.silhouette.clone() + self.soft.clone() + self.shape.clone()
     }
 }
 
@@ -121,7 +123,7 @@ impl Trainer<'_> {
             .with_rate(Rate::cosine(settings.rate).with_warm_up(warm_up))
             .with_blur(settings.blur()?)
             .with_clip(1.0)
-            .with_folder(arguments.out.join("mesh_predictor"))
+            .with_folder(arguments.out.join(settings.name()))
             .with_checkpoint_every(50)
             .with_restart(!arguments.resume)
             .run_over(&devices, |network: &Network, step, part| {
@@ -167,63 +169,74 @@ impl Trainer<'_> {
         let scenes = scenes.map(|(k, &(item, _))| bodies.scene(k, light(item)));
         let compared = batch.compared();
         let eye = |&(item, eye): &(usize, usize)| self.data.items[item].eyes[eye].camera();
-        let cameras: Vec<Camera> = compared.iter().map(eye).collect();
-        let views = cameras
-            .iter()
-            .enumerate()
-            .map(|(k, camera)| (k / 2, camera.clone()));
-        let views = Batch::views(scenes.collect(), views.collect())?;
+        let cameras = compared.iter().map(eye).enumerate();
+        let views: Vec<_> = cameras.map(|(k, camera)| (k / 2, camera)).collect();
+        let rendered = Batch::views(scenes.collect(), views.clone())?;
         let full = self.data.size;
-        let done = self.settings.done(step.index);
-        let size = if done < COARSE { full / 2 } else { full };
+        let coarse = self.settings.done(step.index) < COARSE;
+        let size = if coarse { full / 2 } else { full };
         let few = options(size, self.settings.samples);
         let see = |render| {
             see(
-                &views,
+                &rendered,
                 &step.options(&few, render).of_view(2 * batch.before),
             )
         };
         let (a, b) = (see(0)?, see(1)?);
         let target = self.data.images(&compared, &place.device);
-        let half = halved(target.clone());
-        let Seen { radiance, opacity } = if size == full { target } else { half.clone() };
-        let image = (a.radiance - radiance.clone()) * (b.radiance - radiance);
-        let zero = || image.clone().detach().sum() * 0.0;
+        let half = |images: Tensor<4>| Ok(loss::pyramid(images, 2)?.remove(1));
+        let silhouettes = half(target.opacity.clone().unsqueeze_dim(3))?.squeeze_dim::<3>(3);
+        let Seen { radiance, opacity } = match coarse {
+            true => Seen {
+                radiance: half(target.radiance)?,
+                opacity: silhouettes.clone(),
+            },
+            false => target,
+        };
         let start = Instant::now();
-        let (soft, shape) = match (&place.decoder, &bodies.distances) {
+        let [soft, shape] = self.shape_terms(bodies, &views, silhouettes, step, place)?;
+        let soft_time = start.elapsed();
+        Ok(Parts {
+            image: loss::mse_unbiased(a.radiance, b.radiance, radiance)?,
+            silhouette: loss::silhouette_iou((a.opacity + b.opacity) * 0.5, opacity)?,
+            soft,
+            shape,
+            soft_time,
+        })
+    }
+
+    /// Returns the loss of soft silhouettes in the views of bodies, and penalties of the shapes.
+    fn shape_terms(
+        &self,
+        bodies: &Bodies,
+        views: &[(usize, Camera)],
+        silhouettes: Tensor<3>,
+        step: &Step,
+        place: &Place,
+    ) -> softray::Result<[Tensor<1>; 2]> {
+        let [_, height, width] = silhouettes.dims();
+        match (&place.decoder, &bodies.distances) {
             (Decoder::Grid { grid, .. }, Some(distances)) => {
-                let step = grid.step();
-                let mut sum = zero();
-                for (k, camera) in cameras.iter().enumerate() {
-                    let own = distances.clone().narrow(0, k / 2, 1).squeeze_dim(0);
-                    let seen = grid.opacity(own, camera, [full / 2; 2], SOFTNESS * step)?;
-                    let target = half.opacity.clone().narrow(0, k, 1).squeeze_dim(0);
-                    sum = sum + (seen - target).powi_scalar(2).mean();
-                }
-                let weight = SOFT * (1.0 - done).max(LEAST_SOFT) / cameras.len() as f64;
-                let eikonal = loss::eikonal(distances.clone(), step)? * EIKONAL;
-                (
-                    sum * weight,
-                    eikonal + loss::bending(distances.clone(), step)? * BENDING,
-                )
+                let cell = grid.step();
+                let size = [width, height];
+                let seen = grid.opacity(distances.clone(), views, size, SOFTNESS * cell)?;
+                let soft = (seen - silhouettes).powi_scalar(2).mean();
+                let weight = SOFT * (1.0 - self.settings.done(step.index)).max(LEAST_SOFT);
+                let eikonal = loss::eikonal(distances.clone(), cell)? * EIKONAL;
+                let bending = loss::bending(distances.clone(), cell)? * BENDING;
+                Ok([soft * weight, eikonal + bending])
             }
             (Decoder::Template(template), _) => {
                 let vertices = bodies.meshes.iter().map(|mesh| mesh.vertices.clone());
                 let vertices = Tensor::stack(vertices.collect(), 0);
-                (
-                    zero(),
+                let none = Tensor::zeros([1], &bodies.color.device());
+                Ok([
+                    none,
                     template.regular.normal_consistency(vertices) * NORMALS,
-                )
+                ])
             }
             _ => unreachable!("grids have distances"),
-        };
-        Ok(Parts {
-            image: image.mean(),
-            silhouette: loss::silhouette_iou((a.opacity + b.opacity) * 0.5, opacity)?,
-            soft,
-            shape,
-            soft_time: start.elapsed(),
-        })
+        }
     }
 
     /// Returns a device's part of the loss of a step and, in some steps, the overlap on the validation set.
@@ -263,19 +276,6 @@ impl Trainer<'_> {
             .with_value(NETWORK_SECONDS, seconds(predicted))
             .with_value(RENDER_SECONDS, seconds(rendered))
             .with_value(SOFT_SECONDS, seconds(parts.soft_time)))
-    }
-}
-
-/// Images of half the size, by means of 2 × 2 pixels.
-fn halved(seen: Seen) -> Seen {
-    let [n, size, ..] = seen.opacity.dims();
-    let half = size / 2;
-    let radiance = seen.radiance.reshape([n, half, 2, half, 6]).mean_dim(2);
-    let radiance = radiance.reshape([n, half, half, 2, 3]).mean_dim(3);
-    let opacity = seen.opacity.reshape([n, half, 2, half, 2]);
-    Seen {
-        radiance: radiance.squeeze_dim(3),
-        opacity: opacity.mean_dim(4).mean_dim(2).reshape([n, half, half]),
     }
 }
 

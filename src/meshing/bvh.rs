@@ -8,6 +8,7 @@ use super::mesh::{SurfacePoint, TriangleMesh};
 const LEAF: usize = 4;
 
 /// A node. The left child of an inner node follows it.
+#[derive(Clone, Debug)]
 pub(super) struct Node {
     pub min: DVec3,
     pub max: DVec3,
@@ -26,8 +27,9 @@ impl Node {
 
 /// A binary tree over the triangles of a mesh, divided at the median of the longest axis: its depth is logarithmic for
 /// any input.
-pub(super) struct Bvh {
-    pub nodes: Vec<Node>,
+#[derive(Clone, Debug)]
+pub(crate) struct Bvh {
+    pub(super) nodes: Vec<Node>,
     /// The triangles in the order of the leaves.
     pub order: Vec<u32>,
     pub corners: Vec<[DVec3; 3]>,
@@ -35,7 +37,7 @@ pub(super) struct Bvh {
 
 /// The nearest point of a surface.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Nearest {
+pub(crate) struct Nearest {
     pub on: SurfacePoint,
     pub point: DVec3,
     pub squared_distance: f64,

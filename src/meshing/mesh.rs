@@ -115,7 +115,7 @@ impl TriangleMesh {
         self.positions[vertex as usize].into()
     }
 
-    pub(super) fn corners(&self, face: u32) -> [DVec3; 3] {
+    pub(crate) fn corners(&self, face: u32) -> [DVec3; 3] {
         self.faces[face as usize].map(|v| self.at(v))
     }
 

@@ -23,6 +23,7 @@ mod statistics;
 mod tests;
 mod winding;
 
+pub(crate) use bvh::Bvh;
 pub(crate) use lattice::{Crossings, LEAST_PART};
 
 pub use closest::{closest_points, signed_distances, volume_iou};

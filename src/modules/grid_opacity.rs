@@ -18,22 +18,25 @@ const MISSED: f64 = 30.0;
 type Corners = [(usize, f64); 8];
 
 impl TetrahedralGrid {
-    /// Returns a soft silhouette `[H, W]` of a grid of signed distances `[N, N, N]`, in its graph (not in that of the camera): σ(−d/`softness`) for the
-    /// least distance d along the ray through each pixel's middle, from 0 to 1 (Yariv et al. 2020, *Multiview Neural Surface
-    /// Reconstruction by Disentangling Geometry and Appearance*, Eq. 7). `size` is the width and height in pixels, and
-    /// `softness` a length in scene units, such as twice [`TetrahedralGrid::step`].
+    /// Returns soft silhouettes `[V, H, W]` of grids of signed distances `[S, N, N, N]`, in their graph (not in that of the
+    /// cameras): σ(−d/`softness`) for the least distance d along the ray through each pixel's middle, from 0 to 1 (Yariv et
+    /// al. 2020, *Multiview Neural Surface Reconstruction by Disentangling Geometry and Appearance*, Eq. 7). Each of the V
+    /// views is the index of a grid and a camera. `size` is the width and height in pixels, and `softness` a length in scene
+    /// units, such as twice [`TetrahedralGrid::step`].
     ///
     /// Renders change only where the surface is. Here a pixel also changes by the distances in the middle of a body, and by
     /// those in empty space, so a fit to silhouettes opens holes and adds parts. It is smooth over the softness: use it beside
-    /// the opacity of renders, and less in the end.
+    /// the opacity of renders, and less in the end. Distances at the border count as they are, where [`TetrahedralGrid::surfaces`]
+    /// takes them as outside. Distances are read back to the host once, and the rays of each view.
     ///
     /// ```
     /// use softray::modules::DMTetParamsConfig;
     /// use softray::prelude::*;
     /// let ball = DMTetParamsConfig::new(16).init(&Device::flex().autodiff())?;
-    /// let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]);
-    /// let opacity = ball.grid().opacity(ball.distances.val(), &camera, [9, 9], 0.1)?;
-    /// let middle: Tensor<2> = opacity.slice([4..5, 4..5]);
+    /// let views = [(0, Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]))];
+    /// let distances = ball.distances.val().unsqueeze();
+    /// let opacity = ball.grid().opacity(distances, &views, [9, 9], 0.1)?;
+    /// let middle: Tensor<3> = opacity.slice([0..1, 4..5, 4..5]);
     /// // The middle of the ball is less inside if the pixel has to be clearer.
     /// let gradients = middle.clone().sum().backward();
     /// let change = ball.distances.val().grad(&gradients).expect("tracked").sum();
@@ -42,40 +45,51 @@ impl TetrahedralGrid {
     /// ```
     ///
     /// # Errors
-    /// If the camera is not valid, the shape is another, the image has no pixels, the softness is not a finite number > 0, or a
-    /// tensor can't be read.
+    /// If a camera is not valid, a view names a grid that is not there, the shape is another, there is no view, the image has no
+    /// pixels, the softness is not a finite number > 0, or a tensor can't be read.
     pub fn opacity(
         &self,
-        distances: Tensor<3>,
-        camera: &Camera,
+        distances: Tensor<4>,
+        views: &[(usize, Camera)],
         size: [usize; 2],
         softness: f64,
-    ) -> Result<Tensor<2>> {
+    ) -> Result<Tensor<3>> {
         let (object, n) = ("grid opacity", self.size());
-        let (dims, expected) = (distances.dims(), format!("{:?}", [n; 3]));
-        let shown = format!("{dims:?}");
-        Error::unless(dims == [n; 3], object, "distances", shown, &expected)?;
+        let [grids, sides @ ..] = distances.dims();
+        let expected = format!("[S, {n}, {n}, {n}]");
+        let shown = format!("{:?}", distances.dims());
+        Error::unless(sides == [n; 3], object, "distances", shown, &expected)?;
         Error::unless_positive(object, "softness", softness)?;
         let [width, height] = size;
-        let (count, shown) = (width * height, format!("{size:?}"));
-        Error::unless(count > 0, object, "size", shown, "at least one pixel")?;
+        let (pixels, shown) = (width * height, format!("{size:?}"));
+        Error::unless(pixels > 0, object, "size", shown, "at least one pixel")?;
+        Error::unless(!views.is_empty(), object, "views", "none", "at least one")?;
         let context = Context {
             device: distances.device().inner(),
             dtype: DType::F32,
         };
-        camera.check(None)?;
-        let (origins, directions) = camera.pixel_rays(&context, size)?;
-        let rays = host_vectors(&origins)?
-            .into_iter()
-            .zip(host_vectors(&directions)?);
-        let rays: Vec<[DVec3; 2]> = rays.map(|(origin, along)| [origin, along]).collect();
-        let values = host_values(&distances)?;
-        let nearest = |&[origin, along]: &[DVec3; 2]| self.least(&values, origin, along);
-        let found: Vec<Option<Corners>> = rays.par_iter().map(nearest).collect();
+        let (values, nodes) = (host_values(&distances)?, n.pow(3));
+        let mut found: Vec<Option<Corners>> = Vec::with_capacity(views.len() * pixels);
+        for (grid, camera) in views {
+            let expected = format!("an index below {grids}");
+            Error::unless(*grid < grids, object, "grid of a view", grid, &expected)?;
+            camera.check(None)?;
+            let (origins, directions) = camera.pixel_rays(&context, size)?;
+            let rays = host_vectors(&origins)?.into_iter();
+            let rays: Vec<_> = rays.zip(host_vectors(&directions)?).collect();
+            let first = grid * nodes;
+            let own = &values[first..first + nodes];
+            let nearest = |&(origin, along): &(DVec3, DVec3)| {
+                let corners = self.least(own, origin, along)?;
+                Some(corners.map(|(row, weight)| (first + row, weight)))
+            };
+            found.par_extend(rays.par_iter().map(nearest));
+        }
 
         let (device, kind) = (distances.device(), (&distances.device(), distances.dtype()));
-        let hit = found.iter().map(|corners| f64::from(corners.is_none()));
-        let missed = TensorData::new(hit.collect(), [count]);
+        let count = found.len();
+        let missed = found.iter().map(|corners| f64::from(corners.is_none()));
+        let missed = TensorData::new(missed.collect(), [count]);
         let corners = || {
             found
                 .iter()
@@ -85,7 +99,7 @@ impl TetrahedralGrid {
         let weights = TensorData::new(corners().map(|(_, w)| w).collect::<Vec<_>>(), [count, 8]);
         let rows = Tensor::<1, Int>::from_ints(rows.as_slice(), &device);
         let own = distances
-            .reshape([n.pow(3)])
+            .reshape([grids * nodes])
             .select(0, rows)
             .reshape([count, 8]);
         let least: Tensor<1> = (own * Tensor::from_data(weights, kind))
@@ -93,7 +107,7 @@ impl TetrahedralGrid {
             .squeeze_dim(1);
         let missed = Tensor::<1>::from_data(missed, kind) * (MISSED * softness);
         let opacity = activation::sigmoid((least + missed) / -softness);
-        Ok(opacity.reshape([height, width]))
+        Ok(opacity.reshape([views.len(), height, width]))
     }
 
     /// The place of the least distance along a ray, or `None` if it misses the cube.

@@ -24,9 +24,10 @@ impl Subject {
     }
 }
 
-/// The text of a file of the repository.
+/// The text of a file of the repository, with the variable of `.ci/run` for a command that runs tests written out.
 fn text(path: &str) -> String {
-    fs::read_to_string(root().join(path)).expect(path)
+    let text = fs::read_to_string(root().join(path)).expect(path);
+    text.replace("\"${all[@]}\"", &format!("cargo test {FEATURES}"))
 }
 
 /// All subjects that have tests.
@@ -65,14 +66,7 @@ fn commands_with(feature: &str, text: &str) -> Vec<String> {
 /// All that needs more than the default features shares one build.
 const FEATURES: &str = "--features vulkan,ndarray,train,remote-server";
 
-/// `.ci/run` with the command that runs tests of these features written out.
-fn ci_run() -> String {
-    let text = text(".ci/run");
-    assert!(text.contains("all=(cargo test --release --features \"$features\""));
-    text.replace("\"${all[@]}\"", &format!("cargo test {FEATURES}"))
-}
-
-/// A test of a feature that no command builds would never run.
+/// A test of a feature that no command builds would never run. Commands that a slow machine leaves out count.
 pub fn not_run() -> Vec<String> {
     let on_gpus = |s: &Subject| s.program == "gpu";
     // `cpu_devices` are more with ndarray.
@@ -102,7 +96,7 @@ pub fn not_run() -> Vec<String> {
     };
     let mut all = missing(".ci/run", FEATURES, &needs);
     all.extend(missing("README.md", "--features vulkan", &on_gpus));
-    let units = commands_with(FEATURES, &ci_run());
+    let units = commands_with(FEATURES, &text(".ci/run"));
     if !units.iter().any(|command| command.contains(" --lib ")) {
         all.push(".ci/run: --lib".to_owned());
     }
@@ -111,11 +105,21 @@ pub fn not_run() -> Vec<String> {
 
 /// Filters of commands that no test has: such a command passes without one.
 pub fn without_tests() -> Vec<String> {
-    let (subjects, commands) = (subjects(), commands_with("--features", &ci_run()));
+    let (subjects, commands) = (subjects(), commands_with("--features", &text(".ci/run")));
     let is_of_a_test = |filter: &&str| {
-        let (module, name) = filter.split_once("::").unwrap_or((*filter, ""));
+        let [module, name] =
+            [filter.split("::").next(), filter.rsplit("::").next()].map(Option::unwrap_or_default);
         let test = format!("fn {name}");
-        let has = |s: &Subject| s.module == module && s.text.contains(&test);
+        let between = filter.matches("::").count() - 1;
+        let between = filter.split("::").skip(1).take(between);
+        let between: Vec<String> = between.map(|part| format!("mod {part}")).collect();
+        let all = |text: &str| {
+            between
+                .iter()
+                .chain([&test])
+                .all(|part| text.contains(part))
+        };
+        let has = |s: &Subject| s.module == module && all(&s.text);
         subjects.iter().any(has)
     };
     let filters = commands

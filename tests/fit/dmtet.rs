@@ -122,13 +122,15 @@ fn derivatives_of_soft_silhouettes() {
     let grid = TetrahedralGrid::new(12, 2.0).expect("a grid");
     let (n, start) = (grid.size(), distances(grid, torus));
     let way: Vec<f64> = (0..start.len()).map(|i| (0.3 * i as f64).sin()).collect();
-    let camera = Camera::look_at([0.4, 0.3, 4.0], [0.0; 3]).with_fov_y(32.0);
+    let camera = |x: f64| Camera::look_at([x, 0.3, 4.0], [0.0; 3]).with_fov_y(32.0);
+    // Of the second of two grids.
+    let views = [(1, camera(0.4)), (1, camera(-1.0))];
     let at = |t: f64| {
         let values = start.iter().zip(&way).map(|(v, w)| v + t * w);
-        let distances = tensor(values.collect(), [n, n, n])
-            .autodiff()
-            .require_grad();
-        let seen = grid.opacity(distances.clone(), &camera, [20, 16], 0.2);
+        let other = start.iter().map(|v| 1.0 - v);
+        let values = other.chain(values).collect();
+        let distances = tensor(values, [2, n, n, n]).autodiff().require_grad();
+        let seen = grid.opacity(distances.clone(), &views, [20, 16], 0.2);
         (distances, seen.expect("a silhouette"))
     };
     let (distances, seen) = at(0.0);
@@ -139,11 +141,13 @@ fn derivatives_of_soft_silhouettes() {
         .expect("opacity");
     let near = |value: f64| shown.iter().any(|&v| (v - value).abs() < 0.05);
     assert!(near(0.9) && near(0.5) && near(0.05), "{shown:?}");
-    let weights: Vec<f64> = (0..320).map(|i| 1.5 + f64::from(i).cos()).collect();
-    let weights = tensor(weights, [16, 20]).autodiff();
+    let weights: Vec<f64> = (0..640).map(|i| 1.5 + f64::from(i).cos()).collect();
+    let weights = tensor(weights, [2, 16, 20]).autodiff();
     let gradients = (seen * weights.clone()).sum().backward();
     let by = distances.grad(&gradients).expect("a gradient").into_data();
     let by = by.try_to_vec::<f64>().expect("numbers");
+    let (of_first, by) = by.split_at(start.len());
+    assert!(of_first.iter().all(|&g| g == 0.0));
     let found: f64 = by.iter().zip(&way).map(|(g, w)| g * w).sum();
     const STEP: f64 = 1e-5;
     let [more, less] =
@@ -244,11 +248,13 @@ fn soft_silhouette_of_a_ball() {
         .init(&Device::flex());
     let ball = ball.expect("a ball");
     let camera = Camera::look_at([0.0, 0.0, 4.0], [0.0; 3]).with_orthographic(height);
-    let opacity = |softness| {
-        let grid = ball.grid();
-        grid.opacity(ball.distances.val(), &camera, [SIZE; 2], softness)
+    let opacity = |views: &[(usize, Camera)], softness| {
+        let distances = ball.distances.val().unsqueeze();
+        ball.grid().opacity(distances, views, [SIZE; 2], softness)
     };
-    let found = opacity(softness).expect("a silhouette").into_data();
+    let views = [(0, camera.clone())];
+    let found = opacity(&views, softness).expect("a silhouette");
+    let found = found.into_data();
     let found = found.try_to_vec::<f32>().expect("numbers");
     let place = |i: usize| ((i as f64 + 0.5) / SIZE as f64 - 0.5) * height;
     for (i, &opacity) in found.iter().enumerate() {
@@ -265,7 +271,17 @@ fn soft_silhouette_of_a_ball() {
             "{x}, {y}: {opacity}, {expected}"
         );
     }
-    says(message(opacity(0.0)), ["grid opacity", "softness", "0"]);
+    let object = "grid opacity";
+    says(message(opacity(&views, 0.0)), [object, "softness", "0"]);
+    says(
+        message(opacity(&[], softness)),
+        [object, "views", "at least one"],
+    );
+    let third = [(2, camera)];
+    says(
+        message(opacity(&third, softness)),
+        [object, "grid of a view", "2", "below 1"],
+    );
 }
 
 #[test]

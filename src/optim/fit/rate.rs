@@ -38,9 +38,8 @@ impl Rate {
         }
     }
 
-    /// Lets the rate rise in proportion to the step during the first `steps` steps, where optimizers with moments, such as
-    /// Adam, have seen few gradients (Goyal et al. 2017, *Accurate, Large Minibatch SGD*): it is multiplied by
-    /// (step + 1)/`steps` there.
+    /// Multiplies the rate by (step + 1)/`steps` in the first `steps` steps. Adam's first steps are large, because its means of
+    /// squared gradients have few samples (Liu et al. 2020, *On the Variance of the Adaptive Learning Rate and Beyond*).
     ///
     /// ```
     /// use softray::optim::Rate;
