@@ -187,7 +187,8 @@ pub(super) fn nearest_on_triangle(point: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 
         return [0.0, 1.0, 0.0];
     }
     let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+    // d1 − d3 = |ab|², 0 where a and b are one point.
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 && d1 > d3 {
         let v = d1 / (d1 - d3);
         return [1.0 - v, v, 0.0];
     }

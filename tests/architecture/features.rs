@@ -82,12 +82,7 @@ pub fn not_run() -> Vec<String> {
     };
     let subjects = subjects();
     let missing = |file: &str, feature: &str, needs: &dyn Fn(&Subject) -> bool| -> Vec<String> {
-        let text = if file == ".ci/run" {
-            ci_run()
-        } else {
-            text(file)
-        };
-        let commands = commands_with(feature, &text);
+        let commands = commands_with(feature, &text(file));
         let is_run = |s: &Subject| commands.iter().any(|command| s.is_run_by(command));
         let missing = subjects.iter().filter(|s| needs(s) && !is_run(s));
         let show = |s: &Subject| format!("{file}: {}::{}", s.program, s.module);
