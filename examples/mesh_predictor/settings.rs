@@ -33,7 +33,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Takes about two minutes on two cores.
+    /// Takes two to four minutes on two cores.
     pub fn quick() -> Self {
         Self {
             size: 64,
