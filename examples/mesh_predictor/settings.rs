@@ -67,7 +67,7 @@ impl Settings {
         }
     }
 
-    /// Takes about an hour on two idle cores.
+    /// Takes one to three hours on two cores.
     pub fn full() -> Self {
         Self {
             size: 128,

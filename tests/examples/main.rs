@@ -158,7 +158,6 @@ fn bodies_from_single_images() {
     let settings = mesh_predictor::settings::Settings::tiny();
     let outcome = mesh_predictor::learn(&arguments, &settings, Vec::new()).expect("training");
     assert!(out.join("mesh_predictor.png").exists());
-    println!("{outcome:?}");
     let [before, after] = [outcome.before, outcome.after].map(|scores| scores.silhouettes[0]);
     assert!(after > before + 0.05, "{outcome:?}");
     assert!(after > outcome.after.of_another[0] + 0.02, "{outcome:?}");

@@ -116,7 +116,7 @@ fn derivatives_are_those_of_differences() {
 }
 
 /// The derivatives of a soft silhouette, of pixels on a torus, in its hole and beside it, are those of central differences.
-/// The least distance along a ray is at another sample where two are equal, so the silhouette is continuous there.
+/// Where the least distance moves from one sample of a ray to another, both are equal, so the silhouette is continuous.
 #[test]
 fn derivatives_of_soft_silhouettes() {
     let grid = TetrahedralGrid::new(12, 2.0).expect("a grid");
