@@ -1,5 +1,6 @@
 //! Measures predictions of objects: silhouettes, volumes, holes and flaws of the surfaces.
 
+use burn::module::Module;
 use softray::meshing::{TriangleMesh, volume_iou};
 use softray::optim::loss;
 use softray::prelude::*;
@@ -40,17 +41,16 @@ pub fn predict(
     decoder: &Decoder,
     device: &Device,
 ) -> softray::Result<Bodies> {
+    // Without a tape.
+    let network = network.valid();
     let all: Vec<usize> = (0..data.items.len()).collect();
     let (mut meshes, mut colors) = (Vec::new(), Vec::new());
     for items in all.chunks(AT_ONCE) {
         let which: Vec<_> = items.iter().map(|&i| (i, 0)).collect();
-        let images = data.images(&which, &device.clone().autodiff()).radiance;
+        let images = data.images(&which, device).radiance;
         let bodies = network.forward(images, decoder)?;
-        meshes.extend(bodies.meshes.into_iter().map(|mesh| {
-            let vertices = mesh.vertices.clone().inner();
-            mesh.with_vertices(vertices)
-        }));
-        colors.push(bodies.color.inner());
+        meshes.extend(bodies.meshes);
+        colors.push(bodies.color);
     }
     Ok(Bodies {
         meshes,

@@ -173,8 +173,7 @@ impl Network {
         let color = sigmoid(self.color.forward(code.clone()) * 3.0);
         let (meshes, distances) = match (decoder, &self.grid, &self.template) {
             (Decoder::Grid { grid, ball }, Some(head), _) => {
-                let ball = Tensor::from_inner(ball.clone());
-                let distances = head.forward(features, code) * SCALE + ball;
+                let distances = head.forward(features, code) * SCALE + ball.clone();
                 let distances = with_surface(distances, grid.step());
                 (grid.surfaces(distances.clone(), None)?, Some(distances))
             }

@@ -77,9 +77,9 @@ impl Template {
         let offsets = head.offsets.forward(code.clone());
         let [functions, vertices] = self.basis.dims();
         let offsets = offsets.reshape([3 * count, functions]);
-        let offsets = offsets.matmul(Tensor::from_inner(self.basis.clone()));
+        let offsets = offsets.matmul(self.basis.clone());
         let offsets = offsets.reshape([count, 3, vertices]).swap_dims(1, 2);
-        let ball = Tensor::from_inner(self.ball.vertices.clone());
+        let ball = self.ball.vertices.clone();
         let upright = [[1.0, 0.0, 0.0, 0.0, 1.0, 0.0]];
         let upright = Tensor::<2>::from_floats(upright, &code.device());
         let rotation = head.rotation.forward(code.clone()) + upright;
