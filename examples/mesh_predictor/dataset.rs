@@ -31,8 +31,8 @@ pub struct Item {
 }
 
 impl Item {
-    /// Creates the `index`-th item of a seed, with `views` views.
-    pub fn new(seed: u64, index: usize, views: usize) -> Self {
+    /// Creates the `index`-th item of a seed, with some eyes.
+    pub fn new(seed: u64, index: usize, eyes: usize) -> Self {
         let n = &mut Numbers::new(seed, index as u64);
         let shape = Shape::random(n.index(KINDS.len()), n);
         let yaw = DQuat::from_rotation_y(shape.turn * n.uniform(-1.0, 1.0));
@@ -54,8 +54,8 @@ impl Item {
             elevation: n.uniform(-0.1, 0.6),
         };
         let color = n.vector(0.1, 0.9);
-        let mut eyes = vec![Eye::INPUT];
-        eyes.extend((1..views).map(|_| other(n)));
+        let others = (1..eyes).map(|_| other(n));
+        let eyes = std::iter::once(Eye::INPUT).chain(others).collect();
         Self {
             shape,
             mirrored: false,
@@ -101,33 +101,44 @@ impl Item {
         mesh
     }
 
-    /// Renders the item from its cameras.
-    pub fn see(&self, options: &RenderOptions, device: &Device) -> softray::Result<Seen> {
+    /// Renders the item from its first cameras.
+    pub fn see(
+        &self,
+        views: usize,
+        options: &RenderOptions,
+        device: &Device,
+    ) -> softray::Result<Seen> {
         let TriangleMesh { positions, faces } = self.mesh();
         let mesh = Mesh::from_host(&positions, faces, device);
         let scene = scene(mesh, self.color, &self.light);
-        let cameras = self.eyes.iter().map(|eye| eye.camera()).collect();
+        let cameras = self.eyes[..views].iter().map(|eye| eye.camera()).collect();
         let batch = Batch::new(vec![scene], cameras)?;
         see(&batch, options)
     }
 }
 
-/// The images of an item from one of its eyes, with 8 bits.
+/// The images of an item, with 8 bits.
 #[derive(PartialEq)]
-struct View {
-    /// √(radiance/[`BRIGHTEST`]), `[H, W, 3]`.
+struct Images {
+    /// √(radiance/[`BRIGHTEST`]), `[V, H, W, 3]`.
     radiance: Vec<u8>,
-    /// `[H, W]`.
+    /// `[V, H, W]`.
     opacity: Vec<u8>,
+    /// Small silhouettes of all eyes, `[E, N, N]`.
+    silhouettes: Vec<u8>,
 }
 
 /// Items with their images.
 pub struct Dataset {
-    /// Items past the number of `views` are mirror images of the first ones.
+    /// Items past the number of `images` are mirror images of the first ones.
     pub items: Vec<Item>,
-    views: Vec<Vec<View>>,
+    images: Vec<Images>,
+    /// The number of each item's eyes that have images. All of them have small silhouettes.
+    pub views: usize,
     /// Rows and columns of the images.
     pub size: usize,
+    /// Rows and columns of small silhouettes.
+    small: usize,
 }
 
 impl Dataset {
@@ -139,29 +150,30 @@ impl Dataset {
         device: &Device,
     ) -> softray::Result<Self> {
         let bar = super::common::bar(count as u64, name);
-        let (views, size) = (settings.views, settings.size);
-        let few = options(size, SAMPLES);
+        let (views, eyes) = (settings.views, settings.silhouettes);
         let mut data = Self {
-            items: (0..count).map(|i| Item::new(seed, i, views)).collect(),
-            views: Vec::with_capacity(count),
-            size,
+            items: (0..count).map(|i| Item::new(seed, i, eyes)).collect(),
+            images: Vec::with_capacity(count),
+            views,
+            size: settings.size,
+            small: settings.nodes,
+        };
+        let bytes = |v: TensorData| -> Vec<u8> {
+            v.iter::<f32>().map(|v| (v * 255.0).round() as u8).collect()
         };
         for (i, item) in data.items.iter().enumerate() {
-            let seen = item.see(&few.clone().with_seed((i * views) as u64), device)?;
+            let with = |size| options(size, SAMPLES).with_seed((i * eyes) as u64);
+            let seen = item.see(views, &with(data.size), device)?;
             let radiance = (seen.radiance / BRIGHTEST).clamp(0.0, 1.0).sqrt();
-            let bytes = |v: TensorData| -> Vec<u8> {
-                v.iter::<f32>().map(|v| (v * 255.0).round() as u8).collect()
-            };
-            let (radiance, opacity) =
-                (bytes(radiance.into_data()), bytes(seen.opacity.into_data()));
-            let pairs = radiance
-                .chunks(3 * size * size)
-                .zip(opacity.chunks(size * size));
-            let view = |(radiance, opacity): (&[u8], &[u8])| View {
-                radiance: radiance.to_vec(),
-                opacity: opacity.to_vec(),
-            };
-            data.views.push(pairs.map(view).collect());
+            data.images.push(Images {
+                radiance: bytes(radiance.into_data()),
+                opacity: bytes(seen.opacity.into_data()),
+                silhouettes: bytes(
+                    item.see(eyes, &with(data.small), device)?
+                        .opacity
+                        .into_data(),
+                ),
+            });
             bar.inc(1);
         }
         bar.finish_and_clear();
@@ -171,7 +183,7 @@ impl Dataset {
     /// Returns the first `count` items.
     pub fn truncated(mut self, count: usize) -> Self {
         self.items.truncate(count);
-        self.views.truncate(count);
+        self.images.truncate(count);
         self
     }
 
@@ -184,30 +196,45 @@ impl Dataset {
 
     /// Returns the images of (item, eye) pairs as tensors on a device.
     pub fn images(&self, which: &[(usize, usize)], device: &Device) -> Seen {
-        let (mut radiance, mut opacity) = (Vec::new(), Vec::new());
-        for &(item, eye) in which {
-            let rendered = self.views.len();
-            let view = &self.views[item % rendered][eye];
-            if item < rendered {
-                radiance.extend_from_slice(&view.radiance);
-                opacity.extend_from_slice(&view.opacity);
-            } else {
-                for row in view.radiance.chunks(3 * self.size) {
-                    radiance.extend(row.chunks(3).rev().flatten());
-                }
-                for row in view.opacity.chunks(self.size) {
-                    opacity.extend(row.iter().rev());
-                }
-            }
-        }
-        let (n, size) = (which.len(), self.size);
-        let values = |bytes: Vec<u8>| bytes.into_iter().map(|v| f32::from(v) / 255.0).collect();
-        let radiance = TensorData::new(values(radiance), [n, size, size, 3]);
-        let opacity = TensorData::new(values(opacity), [n, size, size]);
+        let size = self.size;
+        let radiance = self.values(which, [size, 3], |images| &images.radiance);
+        let opacity = self.values(which, [size, 1], |images| &images.opacity);
+        let radiance = TensorData::new(radiance, [which.len(), size, size, 3]);
+        let opacity = TensorData::new(opacity, [which.len(), size, size]);
         Seen {
             radiance: Tensor::<4>::from_data(radiance, device).powi_scalar(2) * BRIGHTEST,
             opacity: Tensor::from_data(opacity, device),
         }
+    }
+
+    /// Returns the small silhouettes of (item, eye) pairs, `[N, H, W]`.
+    pub fn silhouettes(&self, which: &[(usize, usize)], device: &Device) -> Tensor<3> {
+        let size = self.small;
+        let values = self.values(which, [size, 1], |images| &images.silhouettes);
+        Tensor::from_data(TensorData::new(values, [which.len(), size, size]), device)
+    }
+
+    /// Returns the values of square images of (item, eye) pairs, from 0 to 1.
+    fn values(
+        &self,
+        which: &[(usize, usize)],
+        [size, channels]: [usize; 2],
+        of: impl Fn(&Images) -> &[u8],
+    ) -> Vec<f32> {
+        let rendered = self.images.len();
+        let (row, image) = (size * channels, size * size * channels);
+        let mut bytes = Vec::with_capacity(which.len() * image);
+        for &(item, eye) in which {
+            let own = &of(&self.images[item % rendered])[eye * image..][..image];
+            if item < rendered {
+                bytes.extend_from_slice(own);
+            } else {
+                for row in own.chunks(row) {
+                    bytes.extend(row.chunks(channels).rev().flatten());
+                }
+            }
+        }
+        bytes.into_iter().map(|v| f32::from(v) / 255.0).collect()
     }
 }
 
@@ -222,10 +249,14 @@ mod tests {
         let (device, settings) = (Device::flex(), Settings::tiny());
         let make = |count| Dataset::new(("testing", 3), count, &settings, &device);
         let (data, again) = (make(24).expect("renders"), make(2).expect("renders"));
-        assert!(data.views[1] == again.views[1] && data.views[0] != data.views[1]);
+        assert!(data.images[1] == again.images[1] && data.images[0] != data.images[1]);
         let size = settings.size;
-        for view in data.views.iter().flatten() {
-            let covered = view.opacity.iter().map(|&v| f64::from(v)).sum::<f64>();
+        let views = data.images.iter().flat_map(|images| {
+            let radiance = images.radiance.chunks(3 * size * size);
+            radiance.zip(images.opacity.chunks(size * size))
+        });
+        for (radiance, opacity) in views {
+            let covered = opacity.iter().map(|&v| f64::from(v)).sum::<f64>();
             let covered = covered / 255.0 / (size * size) as f64;
             assert!((0.02..0.5).contains(&covered), "{covered}");
             let border = |i: usize| {
@@ -233,10 +264,10 @@ mod tests {
                     .iter()
                     .any(|p| p % size == 0 || p / size == 0)
             };
-            let cut = (0..size * size).filter(|&i| border(i) && view.opacity[i] > 0);
+            let cut = (0..size * size).filter(|&i| border(i) && opacity[i] > 0);
             assert_eq!(cut.count(), 0);
             // A lamp is brighter than anything it lights.
-            assert!(view.radiance.iter().all(|&r| r < 255));
+            assert!(radiance.iter().all(|&r| r < 255));
         }
     }
 
@@ -249,9 +280,14 @@ mod tests {
         for i in 4..8 {
             let expected = data.images(&[(i, 0), (i, 1)], &device);
             let few = options(data.size, SAMPLES).with_seed(99);
-            let found = data.items[i].see(&few, &device).expect("renders");
+            let found = data.items[i].see(2, &few, &device).expect("renders");
             let apart = |a: Tensor<1>, b: Tensor<1>| (a - b).powi_scalar(2).mean();
-            let silhouettes = apart(found.opacity.flatten(0, 2), expected.opacity.flatten(0, 2));
+            let wanted = expected.opacity.clone().flatten(0, 2);
+            let silhouettes = apart(found.opacity.flatten(0, 2), wanted);
+            assert!(silhouettes.into_scalar::<f32>() < 2e-3);
+            let small = data.silhouettes(&[(i, 0), (i, 1)], &device);
+            let shrunk = expected.clone().shrunk(settings.nodes).expect("a size");
+            let silhouettes = apart(small.flatten(0, 2), shrunk.opacity.flatten(0, 2));
             assert!(silhouettes.into_scalar::<f32>() < 2e-3);
             let (found, expected) = (found.radiance, expected.radiance);
             let still = expected.clone().flip([2]);

@@ -70,7 +70,8 @@ pub fn overlap(
     let (mut sums, mut counts) = ([0.0; 2], [0.0; 2]);
     for (i, item) in data.items.iter().enumerate() {
         let scene = bodies.scene((i + shift) % data.items.len(), &item.light);
-        let cameras = item.eyes.iter().map(|eye| eye.camera()).collect();
+        let cameras = item.eyes[..data.views].iter();
+        let cameras = cameras.map(|eye| eye.camera()).collect();
         let batch = Batch::new(vec![scene], cameras)?;
         let which: Vec<_> = (0..batch.len()).map(|eye| (i, eye)).collect();
         let seen = see(&batch, &options(data.size, SAMPLES))?.opacity;

@@ -15,7 +15,7 @@ use super::template::{Template, TemplateHead};
 /// The radius of the ball that an untrained network predicts, in scene units.
 pub const RADIUS: f64 = 0.55;
 /// What the outputs of the network are multiplied by: distances in scene units.
-const SCALE: f64 = 0.1;
+const SCALE: f64 = 0.3;
 
 fn convolution([input, output]: [usize; 2], kernel: usize) -> Conv2dConfig {
     let side = kernel / 2;

@@ -33,9 +33,10 @@ pub fn write(
     let shown: Vec<usize> = (0..KINDS.len()).filter_map(first).collect();
     for &i in &shown {
         let item = &data.items[i];
-        let cameras: Vec<Camera> = item.eyes.iter().map(|eye| eye.camera()).collect();
+        let cameras = item.eyes[..data.views].iter();
+        let cameras = cameras.map(|eye| eye.camera()).collect();
         let batch = Batch::new(vec![bodies.scene(i, &item.light)], cameras)?;
-        let target = item.see(&clean, device)?.radiance;
+        let target = item.see(data.views, &clean, device)?.radiance;
         let found = see(&batch, &clean)?.radiance;
         let mut row = Vec::new();
         for (eye, captions) in captions.iter().enumerate().take(batch.len()) {

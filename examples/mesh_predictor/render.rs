@@ -1,5 +1,6 @@
 //! The scenes of the example, and renders of batches.
 
+use softray::loss;
 use softray::prelude::*;
 
 /// The distance of the camera from the origin, which it looks at, in scene units.
@@ -89,6 +90,19 @@ pub struct Seen {
     pub radiance: Tensor<4>,
     /// `[N, H, W]`.
     pub opacity: Tensor<3>,
+}
+
+impl Seen {
+    /// Returns the images with `size` rows and columns, the size now divided by a power of 2.
+    pub fn shrunk(self, size: usize) -> softray::Result<Self> {
+        let levels = (self.opacity.dims()[1] / size).ilog2() as usize;
+        let level =
+            |images| Ok::<_, softray::Error>(loss::pyramid(images, levels + 1)?.remove(levels));
+        Ok(Self {
+            radiance: level(self.radiance)?,
+            opacity: level(self.opacity.unsqueeze_dim::<4>(3))?.squeeze_dim(3),
+        })
+    }
 }
 
 /// Renders all views of a batch, with opacity.

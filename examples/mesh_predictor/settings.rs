@@ -15,6 +15,8 @@ pub struct Settings {
     pub validation: usize,
     /// Images per object. The first is the input of the network.
     pub views: usize,
+    /// Small silhouettes per object, with `nodes` rows and columns: those of the images, and others.
+    pub silhouettes: usize,
     /// Nodes along each axis of the grid of distances: the size divided by 2, 4, … or 2^(number of `channels`).
     pub nodes: usize,
     /// Channels after each halving of the image, multiples of 4, and features of the hidden layer.
@@ -57,6 +59,7 @@ impl Settings {
             train: 32,
             validation: 6,
             views: 2,
+            silhouettes: 5,
             nodes: 16,
             channels: vec![8, 16, 16],
             hidden: 32,
@@ -74,13 +77,14 @@ impl Settings {
             train: 2048,
             validation: 96,
             views: 3,
+            silhouettes: 9,
             nodes: 32,
             channels: vec![16, 32, 64, 96, 128],
             hidden: 256,
             steps: 4000,
             batch: 8,
             samples: 1,
-            rate: 1e-3,
+            rate: 1.5e-3,
             evaluations: 10,
             template: false,
         }
@@ -109,5 +113,15 @@ impl Settings {
     /// The share of training that is done before a step, from 0 to 1.
     pub fn done(&self, step: usize) -> f64 {
         step as f64 / self.steps as f64
+    }
+
+    /// Rows and columns of the renders of a step: one pixel per node, then two, then all of them.
+    pub fn render_size(&self, step: usize) -> usize {
+        let per_node = match self.done(step) {
+            ..0.5 => 1,
+            0.5..0.85 => 2,
+            _ => self.size / self.nodes,
+        };
+        self.size.min(per_node * self.nodes)
     }
 }

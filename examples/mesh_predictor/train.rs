@@ -17,16 +17,14 @@ use super::settings::Settings;
 /// Weights of the parts of the loss. The weight of silhouettes is 1.
 const IMAGE: f64 = 20.0;
 /// The weight of soft silhouettes, which open holes, at the start. It falls linearly over the steps, to the share `LEAST_SOFT`.
-const SOFT: f64 = 4.0;
-const LEAST_SOFT: f64 = 0.1;
+const SOFT: f64 = 2.0;
+const LEAST_SOFT: f64 = 0.25;
 /// Weights of penalties: of grids whose values are not distances, of grids that bend, and of templates that bend.
 const EIKONAL: f64 = 0.05;
 const BENDING: f64 = 0.05;
 const NORMALS: f64 = 0.1;
 /// The softness of soft silhouettes, over the step of the grid.
 const SOFTNESS: f64 = 1.0;
-/// The share of the steps that render at half of the resolution.
-const COARSE: f64 = 0.7;
 /// The share of the steps in which the learning rate rises.
 const WARM_UP: f64 = 0.02;
 
@@ -170,57 +168,49 @@ impl Trainer<'_> {
         let compared = batch.compared();
         let eye = |&(item, eye): &(usize, usize)| self.data.items[item].eyes[eye].camera();
         let cameras = compared.iter().map(eye).enumerate();
-        let views: Vec<_> = cameras.map(|(k, camera)| (k / 2, camera)).collect();
-        let rendered = Batch::views(scenes.collect(), views.clone())?;
-        let full = self.data.size;
-        let coarse = self.settings.done(step.index) < COARSE;
-        let size = if coarse { full / 2 } else { full };
+        let views = cameras.flat_map(|(k, camera)| [(k / 2, camera.clone()), (k / 2, camera)]);
+        let rendered = Batch::views(scenes.collect(), views.collect())?;
+        let size = self.settings.render_size(step.index);
         let few = options(size, self.settings.samples);
-        let see = |render| {
-            see(
-                &rendered,
-                &step.options(&few, render).of_view(2 * batch.before),
-            )
-        };
-        let (a, b) = (see(0)?, see(1)?);
+        let seen = see(&rendered, &step.options(&few, 0).of_view(4 * batch.before))?;
+        let radiance = seen.radiance.reshape([-1, 2, size as i32, size as i32, 3]);
+        let [a, b] = [0, 1].map(|k| radiance.clone().narrow(1, k, 1).squeeze_dim::<4>(1));
+        let opacity = seen.opacity.reshape([-1, 2, size as i32, size as i32]);
+        let covered = opacity.mean_dim(1).squeeze_dim::<3>(1);
         let target = self.data.images(&compared, &place.device);
-        let half = |images: Tensor<4>| Ok(loss::pyramid(images, 2)?.remove(1));
-        let silhouettes = half(target.opacity.clone().unsqueeze_dim(3))?.squeeze_dim::<3>(3);
-        let Seen { radiance, opacity } = match coarse {
-            true => Seen {
-                radiance: half(target.radiance)?,
-                opacity: silhouettes.clone(),
-            },
-            false => target,
-        };
+        let Seen { radiance, opacity } = target.shrunk(size)?;
         let start = Instant::now();
-        let [soft, shape] = self.shape_terms(bodies, &views, silhouettes, step, place)?;
+        let [soft, shape] = self.shape_terms(bodies, batch, step, place)?;
         let soft_time = start.elapsed();
         Ok(Parts {
-            image: loss::mse_unbiased(a.radiance, b.radiance, radiance)?,
-            silhouette: loss::silhouette_iou((a.opacity + b.opacity) * 0.5, opacity)?,
+            image: loss::mse_unbiased(a, b, radiance)?,
+            silhouette: loss::silhouette_iou(covered, opacity)?,
             soft,
             shape,
             soft_time,
         })
     }
 
-    /// Returns the loss of soft silhouettes in the views of bodies, and penalties of the shapes.
+    /// Returns the loss of soft silhouettes from all eyes, and penalties of the shapes.
     fn shape_terms(
         &self,
         bodies: &Bodies,
-        views: &[(usize, Camera)],
-        silhouettes: Tensor<3>,
+        batch: &Objects,
         step: &Step,
         place: &Place,
     ) -> softray::Result<[Tensor<1>; 2]> {
-        let [_, height, width] = silhouettes.dims();
         match (&place.decoder, &bodies.distances) {
             (Decoder::Grid { grid, .. }, Some(distances)) => {
-                let cell = grid.step();
-                let size = [width, height];
-                let seen = grid.opacity(distances.clone(), views, size, SOFTNESS * cell)?;
-                let soft = (seen - silhouettes).powi_scalar(2).mean();
+                let (cell, size) = (grid.step(), [self.settings.nodes; 2]);
+                let (mut which, mut views) = (Vec::new(), Vec::new());
+                for (k, &(item, _)) in batch.all.iter().enumerate() {
+                    for (i, eye) in self.data.items[item].eyes.iter().enumerate() {
+                        which.push((item, i));
+                        views.push((k, eye.camera()));
+                    }
+                }
+                let seen = grid.opacity(distances.clone(), &views, size, SOFTNESS * cell)?;
+                let soft = cross_entropy(seen, self.data.silhouettes(&which, &place.device));
                 let weight = SOFT * (1.0 - self.settings.done(step.index)).max(LEAST_SOFT);
                 let eikonal = loss::eikonal(distances.clone(), cell)? * EIKONAL;
                 let bending = loss::bending(distances.clone(), cell)? * BENDING;
@@ -277,6 +267,13 @@ impl Trainer<'_> {
             .with_value(RENDER_SECONDS, seconds(rendered))
             .with_value(SOFT_SECONDS, seconds(parts.soft_time)))
     }
+}
+
+/// The mean binary cross-entropy, whose gradient is large where an opacity is entirely wrong.
+fn cross_entropy(opacity: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
+    let logarithm = |share: Tensor<3>| share.clamp_min(1e-6).log();
+    let [opaque, clear] = [opacity.clone(), opacity.neg() + 1.0].map(logarithm);
+    ((opaque - clear.clone()) * target + clear).mean().neg()
 }
 
 #[cfg(test)]

@@ -121,27 +121,34 @@ impl TetrahedralGrid {
         if !(enter < leave && count.is_finite()) {
             return None;
         }
-        let samples = (0..count as usize).map(|i| {
-            let part = (i as f64 + 0.5) / count;
-            self.corners(origin + along * (enter + (leave - enter) * part))
-        });
-        let valued = samples.map(|corners| {
-            let value: f64 = corners
-                .iter()
-                .map(|&(at, weight)| values[at] * weight)
-                .sum();
-            (value, corners)
-        });
+        let part = (leave - enter) / count;
+        let at = |i: usize| origin + along * (enter + (i as f64 + 0.5) * part);
+        let valued = (0..count as usize).map(|i| (self.value(values, at(i)), i));
         let least = valued.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some(least.1)
+        Some(self.corners(at(least.1)))
     }
 
-    fn corners(&self, point: DVec3) -> Corners {
+    /// The first corner of the cell about a point, and the point's coordinates in the cell, from 0 to 1.
+    fn cell(&self, point: DVec3) -> ([u32; 3], [f64; 3]) {
         let last = self.cells as f64;
         let at = ((point + self.side / 2.0) / self.step()).clamp(DVec3::ZERO, DVec3::splat(last));
         let cell = at.floor().min(DVec3::splat(last - 1.0));
-        let part = (at - cell).to_array();
-        let start = cell.to_array().map(|x| x as u32);
+        let corner = cell.to_array().map(|x| x as u32);
+        (corner, (at - cell).to_array())
+    }
+
+    /// The interpolated value at a point, without the weights of [`Self::corners`].
+    fn value(&self, values: &[f64], point: DVec3) -> f64 {
+        let (corner, [x, y, z]) = self.cell(point);
+        let (first, n) = (self.index(corner), self.size());
+        let between = |a: f64, b: f64, part: f64| a + part * (b - a);
+        let edge = |at: usize| between(values[at], values[at + 1], z);
+        let face = |at: usize| between(edge(at), edge(at + n), y);
+        between(face(first), face(first + n * n), x)
+    }
+
+    fn corners(&self, point: DVec3) -> Corners {
+        let (start, part) = self.cell(point);
         std::array::from_fn(|corner| {
             let up = [0, 1, 2].map(|axis| corner >> axis & 1);
             let weight = [0, 1, 2].map(|i| if up[i] == 1 { part[i] } else { 1.0 - part[i] });
