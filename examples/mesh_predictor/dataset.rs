@@ -124,6 +124,8 @@ struct Images {
     radiance: Vec<u8>,
     /// `[V, H, W]`.
     opacity: Vec<u8>,
+    /// (1 + depth)/2, `[V, H, W]`, if the settings have depth.
+    depth: Option<Vec<u8>>,
     /// Small silhouettes of all eyes, `[E, N, N]`.
     silhouettes: Vec<u8>,
 }
@@ -163,11 +165,18 @@ impl Dataset {
         };
         for (i, item) in data.items.iter().enumerate() {
             let with = |size| options(size, SAMPLES).with_seed((i * eyes) as u64);
-            let seen = item.see(views, &with(data.size), device)?;
+            let large = with(data.size);
+            let large = if settings.depth {
+                large.with_depth()
+            } else {
+                large
+            };
+            let seen = item.see(views, &large, device)?;
             let radiance = (seen.radiance / BRIGHTEST).clamp(0.0, 1.0).sqrt();
             data.images.push(Images {
                 radiance: bytes(radiance.into_data()),
                 opacity: bytes(seen.opacity.into_data()),
+                depth: seen.depth.map(|d| bytes(((d + 1.0) / 2.0).into_data())),
                 silhouettes: bytes(
                     item.see(eyes, &with(data.small), device)?
                         .opacity
@@ -197,13 +206,20 @@ impl Dataset {
     /// Returns the images of (item, eye) pairs as tensors on a device.
     pub fn images(&self, which: &[(usize, usize)], device: &Device) -> Seen {
         let size = self.size;
+        let plane = |of: &dyn Fn(&Images) -> &[u8]| {
+            let values = self.values(which, [size, 1], of);
+            let values = TensorData::new(values, [which.len(), size, size]);
+            Tensor::<3>::from_data(values, device)
+        };
         let radiance = self.values(which, [size, 3], |images| &images.radiance);
-        let opacity = self.values(which, [size, 1], |images| &images.opacity);
         let radiance = TensorData::new(radiance, [which.len(), size, size, 3]);
-        let opacity = TensorData::new(opacity, [which.len(), size, size]);
+        let depth = self.images[0].depth.is_some().then(|| {
+            plane(&|images| images.depth.as_ref().expect("all images have depth")) * 2.0 - 1.0
+        });
         Seen {
             radiance: Tensor::<4>::from_data(radiance, device).powi_scalar(2) * BRIGHTEST,
-            opacity: Tensor::from_data(opacity, device),
+            opacity: plane(&|images| &images.opacity),
+            depth,
         }
     }
 

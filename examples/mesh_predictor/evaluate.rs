@@ -1,13 +1,13 @@
 //! Measures predictions of objects: silhouettes, volumes, holes and flaws of the surfaces.
 
 use burn::module::Module;
-use softray::meshing::{TriangleMesh, volume_iou};
+use softray::meshing::{TriangleMesh, signed_distances, volume_iou};
 use softray::optim::loss;
 use softray::prelude::*;
 
 use super::dataset::Dataset;
 use super::network::{Bodies, Decoder, Network};
-use super::render::{options, see};
+use super::render::{DISTANCE, half_view, options, see};
 
 /// Paths per pixel of the silhouettes that are compared.
 const SAMPLES: u32 = 4;
@@ -15,6 +15,10 @@ const SAMPLES: u32 = 4;
 const AT_ONCE: usize = 16;
 /// Points along the longest side of the boxes in which volumes are compared.
 const RESOLUTION: usize = 40;
+
+/// Rays along each axis of the input image, and points on each of them, for [`visible_side`].
+const RAYS: usize = 32;
+const POINTS: usize = 48;
 
 /// What predictions of a data set are worth, means over its objects.
 #[derive(Clone, Copy, Debug)]
@@ -121,4 +125,42 @@ pub fn predict_and_overlap(
     device: &Device,
 ) -> softray::Result<[f64; 2]> {
     overlap(data, &predict(data, network, decoder, device)?, 0, device)
+}
+
+/// Returns the mean intersection over union of the true volumes and those of bodies that are exact where the input camera
+/// sees them. Behind, they end at a surface that is either parallel to the visible one or flat, at the distance that is
+/// best for the object: what predictions score that know the visible side and guess the far side.
+pub fn visible_side(data: &Dataset) -> softray::Result<f64> {
+    // Distances from the camera along the view axis.
+    let at = |k: usize| DISTANCE - 1.0 + 2.0 * (k as f64 + 0.5) / POINTS as f64;
+    let film = |i: usize| half_view() * (2.0 * (i as f64 + 0.5) / RAYS as f64 - 1.0);
+    let rays = (0..RAYS * RAYS).map(|i| [film(i % RAYS), film(i / RAYS)]);
+    let on_ray =
+        |[x, y]: [f64; 2]| (0..POINTS).map(move |k| [x * at(k), y * at(k), DISTANCE - at(k)]);
+    let points: Vec<[f64; 3]> = rays.flat_map(on_ray).collect();
+    let mut sum = 0.0;
+    for item in &data.items {
+        let distances = signed_distances(&item.mesh(), &points)?;
+        let inside: Vec<bool> = distances.iter().map(|&d| d < 0.0).collect();
+        let overlap = |end: &dyn Fn(usize) -> usize| {
+            let (mut both, mut either) = (0.0, 0.0);
+            for ray in inside.chunks(POINTS) {
+                let Some(first) = ray.iter().position(|&inside| inside) else {
+                    continue;
+                };
+                for (k, &inside) in ray.iter().enumerate().skip(first) {
+                    // A ray's part of the volume grows with the square of the distance.
+                    let (own, volume) = (k < end(first), at(k).powi(2));
+                    both += if own && inside { volume } else { 0.0 };
+                    either += if own || inside { volume } else { 0.0 };
+                }
+            }
+            both / either
+        };
+        let ends = 1..=POINTS;
+        sum += ends
+            .flat_map(|end| [overlap(&|first| first + end), overlap(&|_| end)])
+            .fold(0.0, f64::max);
+    }
+    Ok(sum / data.items.len() as f64)
 }

@@ -24,7 +24,7 @@ use softray::prelude::Device;
 
 use common::study::{self, Failure};
 use dataset::Dataset;
-use evaluate::{Scores, measure, predict};
+use evaluate::{Scores, measure, predict, visible_side};
 use network::Network;
 use settings::Settings;
 use train::{Place, Trainer};
@@ -37,6 +37,9 @@ struct Arguments {
     /// Predict deformed balls in place of surfaces of any topology, to compare with.
     #[arg(long)]
     template: bool,
+    /// Compare depth, too, as of images from a depth camera.
+    #[arg(long)]
+    depth: bool,
     /// Train with this many objects (default 2,048; 200 with --quick).
     #[arg(long)]
     objects: Option<usize>,
@@ -53,6 +56,8 @@ pub(crate) struct Outcome {
     pub before: Scores,
     pub after: Scores,
     pub learned: Scores,
+    /// Intersection over union of the volumes of the validation, if the side that the input shows is exact.
+    pub visible_side: f64,
 }
 
 impl Outcome {
@@ -80,6 +85,10 @@ impl Outcome {
                 genus[0][0], genus[0][1], genus[1][0], genus[1][1], flaws[0], flaws[1], flaws[2]
             );
         }
+        println!(
+            "IoU of volumes of bodies whose visible side is exact: {:.3}",
+            self.visible_side
+        );
     }
 }
 
@@ -88,6 +97,7 @@ fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let mut settings = study.either(Settings::quick(), Settings::full());
     settings.steps = study.steps.unwrap_or(settings.steps);
     settings.train = arguments.objects.unwrap_or(settings.train);
+    settings.depth = arguments.depth;
     settings.template = arguments.template;
     let names = arguments.devices.iter().map(|name| Some(name.as_str()));
     let devices = names.map(softray::device::named);
@@ -163,6 +173,7 @@ pub(crate) fn learn(
         before,
         after,
         learned,
+        visible_side: visible_side(&validation)?,
     })
 }
 

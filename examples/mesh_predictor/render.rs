@@ -4,14 +4,17 @@ use softray::loss;
 use softray::prelude::*;
 
 /// The distance of the camera from the origin, which it looks at, in scene units.
-const DISTANCE: f64 = 4.2;
+pub const DISTANCE: f64 = 4.2;
 const FOV: f64 = 29.0;
+
+/// Half of the view's width at distance 1.
+pub fn half_view() -> f64 {
+    (0.5 * FOV.to_radians()).tan()
+}
 
 /// Returns the angle of a pixel in degrees, of images with `size` rows and columns.
 pub fn pixel(size: usize) -> f64 {
-    (2.0 * (0.5 * FOV.to_radians()).tan() / size as f64)
-        .atan()
-        .to_degrees()
+    (2.0 * half_view() / size as f64).atan().to_degrees()
 }
 
 /// The direction of a camera or lamp from the origin, in radians: the angle about the y axis, from z towards x, and
@@ -90,17 +93,25 @@ pub struct Seen {
     pub radiance: Tensor<4>,
     /// `[N, H, W]`.
     pub opacity: Tensor<3>,
+    /// Depth relative to the origin's, times opacity, `[N, H, W]`, in scene units, if the options have depth. It is between
+    /// −1 and 1.
+    pub depth: Option<Tensor<3>>,
 }
 
 impl Seen {
     /// Returns the images with `size` rows and columns, the size now divided by a power of 2.
     pub fn shrunk(self, size: usize) -> softray::Result<Self> {
         let levels = (self.opacity.dims()[1] / size).ilog2() as usize;
-        let level =
-            |images| Ok::<_, softray::Error>(loss::pyramid(images, levels + 1)?.remove(levels));
+        let level = |images| -> softray::Result<Tensor<4>> {
+            Ok(loss::pyramid(images, levels + 1)?.remove(levels))
+        };
+        let plane = |t: Tensor<3>| -> softray::Result<Tensor<3>> {
+            Ok(level(t.unsqueeze_dim(3))?.squeeze_dim(3))
+        };
         Ok(Self {
             radiance: level(self.radiance)?,
-            opacity: level(self.opacity.unsqueeze_dim::<4>(3))?.squeeze_dim(3),
+            opacity: plane(self.opacity)?,
+            depth: self.depth.map(plane).transpose()?,
         })
     }
 }
@@ -111,8 +122,10 @@ pub fn see(batch: &Batch, options: &RenderOptions) -> softray::Result<Seen> {
     let Some(opacity) = images.opacity else {
         unreachable!("opacity is requested")
     };
+    let depth = images.depth.map(|d| d - opacity.clone() * DISTANCE);
     Ok(Seen {
         radiance: images.radiance,
         opacity,
+        depth,
     })
 }

@@ -30,6 +30,8 @@ pub struct Settings {
     pub rate: f64,
     /// Evaluations on the validation set during training.
     pub evaluations: usize,
+    /// Whether renders are compared with depth, too.
+    pub depth: bool,
     /// Whether bodies are deformed balls in place of surfaces of any topology.
     pub template: bool,
 }
@@ -86,6 +88,7 @@ impl Settings {
             samples: 1,
             rate: 1.5e-3,
             evaluations: 10,
+            depth: false,
             template: false,
         }
     }

@@ -11,11 +11,12 @@ use super::dataset::Dataset;
 use super::evaluate::predict_and_overlap;
 use super::network::{Bodies, Decoder, Network};
 use super::numbers::Numbers;
-use super::render::{Seen, options, see};
+use super::render::{options, see};
 use super::settings::Settings;
 
 /// Weights of the parts of the loss. The weight of silhouettes is 1.
 const IMAGE: f64 = 20.0;
+const DEPTH: f64 = 20.0;
 /// The weight of soft silhouettes, which open holes, at the start. It falls linearly over the steps, to the share `LEAST_SOFT`.
 const SOFT: f64 = 2.0;
 const LEAST_SOFT: f64 = 0.25;
@@ -88,6 +89,7 @@ impl Objects {
 
 /// The parts of the loss.
 pub struct Parts {
+    /// Of radiance and depth, with their weights.
     pub image: Tensor<1>,
     pub silhouette: Tensor<1>,
     /// Of soft silhouettes, with their weight.
@@ -100,8 +102,7 @@ pub struct Parts {
 
 impl Parts {
     pub fn sum(&self) -> Tensor<1> {
-        let image = self.image.clone() * IMAGE;
-        image + self.silhouette.clone() + self.soft.clone() + self.shape.clone()
+        self.image.clone() + self.silhouette.clone() + self.soft.clone() + self.shape.clone()
     }
 }
 
@@ -172,19 +173,28 @@ impl Trainer<'_> {
         let rendered = Batch::views(scenes.collect(), views.collect())?;
         let size = self.settings.render_size(step.index);
         let few = options(size, self.settings.samples);
+        let depth = self.settings.depth;
+        let few = if depth { few.with_depth() } else { few };
         let seen = see(&rendered, &step.options(&few, 0).of_view(4 * batch.before))?;
-        let radiance = seen.radiance.reshape([-1, 2, size as i32, size as i32, 3]);
-        let [a, b] = [0, 1].map(|k| radiance.clone().narrow(1, k, 1).squeeze_dim::<4>(1));
+        let target = self.data.images(&compared, &place.device).shrunk(size)?;
+        let differ = |found: Tensor<4>, target: Tensor<4>| {
+            let [_, h, w, c] = target.dims();
+            let pairs = found.reshape([-1, 2, h as i32, w as i32, c as i32]);
+            let [a, b] = [0, 1].map(|k| pairs.clone().narrow(1, k, 1).squeeze_dim::<4>(1));
+            loss::mse_unbiased(a, b, target)
+        };
+        let mut image = differ(seen.radiance, target.radiance)? * IMAGE;
+        if let (Some(found), Some(target)) = (seen.depth, target.depth) {
+            image = image + differ(found.unsqueeze_dim(3), target.unsqueeze_dim(3))? * DEPTH;
+        }
         let opacity = seen.opacity.reshape([-1, 2, size as i32, size as i32]);
-        let covered = opacity.mean_dim(1).squeeze_dim::<3>(1);
-        let target = self.data.images(&compared, &place.device);
-        let Seen { radiance, opacity } = target.shrunk(size)?;
+        let opacity = opacity.mean_dim(1).squeeze_dim::<3>(1);
         let start = Instant::now();
         let [soft, shape] = self.shape_terms(bodies, batch, step, place)?;
         let soft_time = start.elapsed();
         Ok(Parts {
-            image: loss::mse_unbiased(a, b, radiance)?,
-            silhouette: loss::silhouette_iou(covered, opacity)?,
+            image,
+            silhouette: loss::silhouette_iou(opacity, target.opacity)?,
             soft,
             shape,
             soft_time,
@@ -306,23 +316,30 @@ mod tests {
         }
     }
 
-    /// Every parameter of the network changes the renders. Along the gradient, the loss of the same step changes as
-    /// the gradient predicts, except at blurred edges, where the step samples other surfaces.
+    /// Every parameter of the network changes the renders. Along the gradient, the loss of the same step changes as the
+    /// gradient predicts. With few samples, a difference of two renders would be noise: each sample hits a body or not.
     #[test]
     fn gradients_reach_the_whole_network_through_the_renderer() {
-        // The variance of a noisy gradient adds to its square.
-        let settings = Settings {
-            samples: 16,
-            ..Settings::tiny()
-        };
+        for template in [false, true] {
+            check_gradients(&Settings {
+                samples: 256,
+                depth: !template,
+                template,
+                ..Settings::tiny()
+            });
+        }
+    }
+
+    fn check_gradients(settings: &Settings) {
+        const RATE: f64 = 1e-3;
         let device = Device::flex();
-        let data = Dataset::new(("testing", 1), 6, &settings, &device).expect("renders");
-        let network = Network::new(&settings, 1, &device);
+        let data = Dataset::new(("testing", 1), 6, settings, &device).expect("renders");
+        let network = Network::new(settings, 1, &device);
         let trainer = Trainer {
-            settings: &settings,
+            settings,
             data: &data,
             validation: &data,
-            places: vec![Place::new(&settings, device).expect("a decoder")],
+            places: vec![Place::new(settings, device).expect("a decoder")],
         };
         let place = &trainer.places[0];
         let loss = |network: &Network, step: &Step| {
@@ -346,14 +363,14 @@ mod tests {
                     squares: Vec::new(),
                 };
                 network.visit(&mut sizes);
-                // Weights and biases of six layers, and of ten in each level of both directions.
+                // Weights and biases: of six layers, of ten in each level of the encoder, and as many of a U-Net.
                 let levels = settings.channels.len() - 1;
-                assert_eq!(sizes.squares.len(), 12 + 20 * levels);
+                let each = if settings.template { 10 } else { 20 };
+                assert_eq!(sizes.squares.len(), 12 + each * levels);
                 for (path, square) in &sizes.squares {
                     assert!(square.is_finite() && *square > 1e-14, "{path}: {square}");
                 }
                 let square: f64 = sizes.squares.iter().map(|f| f.1).sum();
-                const RATE: f64 = 2e-4;
                 let value = |rate: f64| -> softray::Result<f64> {
                     let mut descent: ModuleOptimizer = SgdConfig::new().init();
                     let along = gradients(network, step)?;
