@@ -31,7 +31,7 @@ pub struct Item {
 }
 
 impl Item {
-    /// Creates the `index`-th item of a seed, with some eyes.
+    /// Creates the `index`-th item of a seed, with `eyes` eyes.
     pub fn new(seed: u64, index: usize, eyes: usize) -> Self {
         let n = &mut Numbers::new(seed, index as u64);
         let shape = Shape::random(n.index(KINDS.len()), n);
@@ -101,7 +101,7 @@ impl Item {
         mesh
     }
 
-    /// Renders the item from its first cameras.
+    /// Renders the item from its first `views` eyes.
     pub fn see(
         &self,
         views: usize,
@@ -124,9 +124,9 @@ struct Images {
     radiance: Vec<u8>,
     /// `[V, H, W]`.
     opacity: Vec<u8>,
-    /// (1 + depth)/2, `[V, H, W]`, if the settings have depth.
+    /// 128 + 127 × [`Seen::depth`], `[V, H, W]`, if the settings have depth. Objects have depths between −1 and 1.
     depth: Option<Vec<u8>>,
-    /// Small silhouettes of all eyes, `[E, N, N]`.
+    /// Small silhouettes of all eyes, `[E, S, S]`.
     silhouettes: Vec<u8>,
 }
 
@@ -135,7 +135,7 @@ pub struct Dataset {
     /// Items past the number of `images` are mirror images of the first ones.
     pub items: Vec<Item>,
     images: Vec<Images>,
-    /// The number of each item's eyes that have images. All of them have small silhouettes.
+    /// The number of eyes of each item that have images. All eyes have small silhouettes.
     pub views: usize,
     /// Rows and columns of the images.
     pub size: usize,
@@ -164,24 +164,18 @@ impl Dataset {
             v.iter::<f32>().map(|v| (v * 255.0).round() as u8).collect()
         };
         for (i, item) in data.items.iter().enumerate() {
-            let with = |size| options(size, SAMPLES).with_seed((i * eyes) as u64);
-            let large = with(data.size);
-            let large = if settings.depth {
-                large.with_depth()
-            } else {
-                large
-            };
+            let large = settings.options(data.size, SAMPLES).with_seed(i as u64);
             let seen = item.see(views, &large, device)?;
+            let small = options(data.small, SAMPLES).with_seed(i as u64);
+            let small = item.see(eyes, &small, device)?.opacity;
             let radiance = (seen.radiance / BRIGHTEST).clamp(0.0, 1.0).sqrt();
             data.images.push(Images {
                 radiance: bytes(radiance.into_data()),
                 opacity: bytes(seen.opacity.into_data()),
-                depth: seen.depth.map(|d| bytes(((d + 1.0) / 2.0).into_data())),
-                silhouettes: bytes(
-                    item.see(eyes, &with(data.small), device)?
-                        .opacity
-                        .into_data(),
-                ),
+                depth: seen
+                    .depth
+                    .map(|d| bytes(((d * 127.0 + 128.0) / 255.0).into_data())),
+                silhouettes: bytes(small.into_data()),
             });
             bar.inc(1);
         }
@@ -214,7 +208,8 @@ impl Dataset {
         let radiance = self.values(which, [size, 3], |images| &images.radiance);
         let radiance = TensorData::new(radiance, [which.len(), size, size, 3]);
         let depth = self.images[0].depth.is_some().then(|| {
-            plane(&|images| images.depth.as_ref().expect("all images have depth")) * 2.0 - 1.0
+            let bytes = plane(&|images| images.depth.as_ref().expect("all images have depth"));
+            (bytes * 255.0 - 128.0) / 127.0
         });
         Seen {
             radiance: Tensor::<4>::from_data(radiance, device).powi_scalar(2) * BRIGHTEST,
@@ -290,17 +285,28 @@ mod tests {
     /// The render of a mirrored item is the mirrored image, except for noise of light.
     #[test]
     fn mirrored_items_look_mirrored() {
-        let (device, settings) = (Device::flex(), Settings::tiny());
+        let device = Device::flex();
+        let settings = Settings {
+            depth: true,
+            ..Settings::tiny()
+        };
         let data = Dataset::new(("testing", 3), 4, &settings, &device);
         let data = data.expect("renders").with_mirrored();
         for i in 4..8 {
             let expected = data.images(&[(i, 0), (i, 1)], &device);
-            let few = options(data.size, SAMPLES).with_seed(99);
+            let few = settings.options(data.size, SAMPLES).with_seed(99);
             let found = data.items[i].see(2, &few, &device).expect("renders");
             let apart = |a: Tensor<1>, b: Tensor<1>| (a - b).powi_scalar(2).mean();
             let wanted = expected.opacity.clone().flatten(0, 2);
-            let silhouettes = apart(found.opacity.flatten(0, 2), wanted);
+            let silhouettes = apart(found.opacity.clone().flatten(0, 2), wanted);
             assert!(silhouettes.into_scalar::<f32>() < 2e-3);
+            let depths = [&found, &expected].map(|seen| seen.depth.clone().expect("requested"));
+            // A pixel at a border may have half of an object's depth.
+            let [depth, wanted] = depths.map(|depth| depth.flatten(0, 2));
+            assert!(apart(depth, wanted.clone()).into_scalar::<f32>() < 2e-3);
+            let empty = expected.opacity.clone().equal_scalar(0).flatten(0, 2);
+            let empty = wanted.mask_select(empty).abs().max();
+            assert_eq!(empty.into_scalar::<f32>(), 0.0);
             let small = data.silhouettes(&[(i, 0), (i, 1)], &device);
             let shrunk = expected.clone().shrunk(settings.nodes).expect("a size");
             let silhouettes = apart(small.flatten(0, 2), shrunk.opacity.flatten(0, 2));

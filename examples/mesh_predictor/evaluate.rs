@@ -127,9 +127,9 @@ pub fn predict_and_overlap(
     overlap(data, &predict(data, network, decoder, device)?, 0, device)
 }
 
-/// Returns the mean intersection over union of the true volumes and those of bodies that are exact where the input camera
-/// sees them. Behind, they end at a surface that is either parallel to the visible one or flat, at the distance that is
-/// best for the object: what predictions score that know the visible side and guess the far side.
+/// Returns the mean intersection over union of the true volumes with those of bodies that are exact where the input camera
+/// sees them. Behind, they end in the better of two simple ways, a constant thickness or a plane across the view axis,
+/// with the thickness or the plane that is best for the object.
 pub fn visible_side(data: &Dataset) -> softray::Result<f64> {
     // Distances from the camera along the view axis.
     let at = |k: usize| DISTANCE - 1.0 + 2.0 * (k as f64 + 0.5) / POINTS as f64;
@@ -142,7 +142,7 @@ pub fn visible_side(data: &Dataset) -> softray::Result<f64> {
     for item in &data.items {
         let distances = signed_distances(&item.mesh(), &points)?;
         let inside: Vec<bool> = distances.iter().map(|&d| d < 0.0).collect();
-        let overlap = |end: &dyn Fn(usize) -> usize| {
+        let iou = |end: &dyn Fn(usize) -> usize| {
             let (mut both, mut either) = (0.0, 0.0);
             for ray in inside.chunks(POINTS) {
                 let Some(first) = ray.iter().position(|&inside| inside) else {
@@ -159,7 +159,7 @@ pub fn visible_side(data: &Dataset) -> softray::Result<f64> {
         };
         let ends = 1..=POINTS;
         sum += ends
-            .flat_map(|end| [overlap(&|first| first + end), overlap(&|_| end)])
+            .flat_map(|end| [iou(&|first| first + end), iou(&|first| end.max(first + 1))])
             .fold(0.0, f64::max);
     }
     Ok(sum / data.items.len() as f64)

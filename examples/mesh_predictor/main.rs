@@ -1,7 +1,8 @@
 //! A network that predicts the shape and the albedo of an object from one image. The shape can have any topology: the network
 //! predicts signed distances, and the surface is where they are zero. Renders are the only training signal: the prediction is
-//! rendered from the input camera and from one other camera, and compared with the images there. Renders use the true camera
-//! and light; the input of the network is the image alone.
+//! rendered from the input camera and from one other camera, and compared with the images there; soft silhouettes of the
+//! distances are compared from nine cameras. Renders use the true camera and light; the input of the network is the image
+//! alone.
 
 #[path = "../common/mod.rs"]
 pub(crate) mod common;
@@ -37,7 +38,7 @@ struct Arguments {
     /// Predict deformed balls in place of surfaces of any topology, to compare with.
     #[arg(long)]
     template: bool,
-    /// Compare depth, too, as of images from a depth camera.
+    /// Compare depth as well, as if the images came from a depth camera.
     #[arg(long)]
     depth: bool,
     /// Train with this many objects (default 2,048; 200 with --quick).
@@ -56,7 +57,7 @@ pub(crate) struct Outcome {
     pub before: Scores,
     pub after: Scores,
     pub learned: Scores,
-    /// Intersection over union of the volumes of the validation, if the side that the input shows is exact.
+    /// See [`visible_side`], of the validation.
     pub visible_side: f64,
 }
 

@@ -1,6 +1,6 @@
 //! The scenes of the example, and renders of batches.
 
-use softray::loss;
+use softray::optim::loss;
 use softray::prelude::*;
 
 /// The distance of the camera from the origin, which it looks at, in scene units.
@@ -93,13 +93,12 @@ pub struct Seen {
     pub radiance: Tensor<4>,
     /// `[N, H, W]`.
     pub opacity: Tensor<3>,
-    /// Depth relative to the origin's, times opacity, `[N, H, W]`, in scene units, if the options have depth. It is between
-    /// −1 and 1.
+    /// The distance along the ray minus the origin's, times opacity, `[N, H, W]`, in scene units, if the options have depth.
     pub depth: Option<Tensor<3>>,
 }
 
 impl Seen {
-    /// Returns the images with `size` rows and columns, the size now divided by a power of 2.
+    /// Returns the images with `size` rows and columns: the present number, divided by a power of 2.
     pub fn shrunk(self, size: usize) -> softray::Result<Self> {
         let levels = (self.opacity.dims()[1] / size).ilog2() as usize;
         let level = |images| -> softray::Result<Tensor<4>> {

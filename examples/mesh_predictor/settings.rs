@@ -2,8 +2,9 @@
 
 use softray::modules::TetrahedralGrid;
 use softray::optim::BlurSchedule;
+use softray::prelude::RenderOptions;
 
-use super::render::pixel;
+use super::render::{options, pixel};
 
 /// Sizes of data, network and training.
 #[derive(Clone, Debug)]
@@ -15,7 +16,7 @@ pub struct Settings {
     pub validation: usize,
     /// Images per object. The first is the input of the network.
     pub views: usize,
-    /// Small silhouettes per object, with `nodes` rows and columns: those of the images, and others.
+    /// Small silhouettes per object, at least `views`, with `nodes` rows and columns: of the images' cameras, and of others.
     pub silhouettes: usize,
     /// Nodes along each axis of the grid of distances: the size divided by 2, 4, … or 2^(number of `channels`).
     pub nodes: usize,
@@ -95,10 +96,11 @@ impl Settings {
 
     /// The name of the picture and of the folder with checkpoints.
     pub fn name(&self) -> &'static str {
-        if self.template {
-            "mesh_predictor_template"
-        } else {
-            "mesh_predictor"
+        match (self.template, self.depth) {
+            (false, false) => "mesh_predictor",
+            (false, true) => "mesh_predictor_depth",
+            (true, false) => "mesh_predictor_template",
+            (true, true) => "mesh_predictor_template_depth",
         }
     }
 
@@ -107,10 +109,20 @@ impl Settings {
         TetrahedralGrid::new(self.nodes - 1, 1.9)
     }
 
-    /// Returns a schedule with cones of 2 pixels at first, and of half a pixel after half of the steps.
+    /// Returns a schedule with cones of 2 pixels of the input image at first, and of half a pixel after half of the steps.
     pub fn blur(&self) -> softray::Result<BlurSchedule> {
         let pixel = pixel(self.size);
         BlurSchedule::decay(2.0 * pixel, 0.5 * pixel, (self.steps / 2).max(1))
+    }
+
+    /// Returns [`options`] with depth if it is compared.
+    pub fn options(&self, size: usize, samples: u32) -> RenderOptions {
+        let options = options(size, samples);
+        if self.depth {
+            options.with_depth()
+        } else {
+            options
+        }
     }
 
     /// The share of training that is done before a step, from 0 to 1.
@@ -118,13 +130,13 @@ impl Settings {
         step as f64 / self.steps as f64
     }
 
-    /// Rows and columns of the renders of a step: one pixel per node, then two, then all of them.
+    /// Rows and columns of the renders of a step: as many as nodes, then twice as many, then those of the images.
     pub fn render_size(&self, step: usize) -> usize {
-        let per_node = match self.done(step) {
-            ..0.5 => 1,
-            0.5..0.85 => 2,
-            _ => self.size / self.nodes,
+        let size = match self.done(step) {
+            ..0.5 => self.nodes,
+            0.5..0.85 => 2 * self.nodes,
+            _ => self.size,
         };
-        self.size.min(per_node * self.nodes)
+        size.min(self.size)
     }
 }

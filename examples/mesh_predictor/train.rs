@@ -11,7 +11,7 @@ use super::dataset::Dataset;
 use super::evaluate::predict_and_overlap;
 use super::network::{Bodies, Decoder, Network};
 use super::numbers::Numbers;
-use super::render::{options, see};
+use super::render::see;
 use super::settings::Settings;
 
 /// Weights of the parts of the loss. The weight of silhouettes is 1.
@@ -172,10 +172,10 @@ impl Trainer<'_> {
         let views = cameras.flat_map(|(k, camera)| [(k / 2, camera.clone()), (k / 2, camera)]);
         let rendered = Batch::views(scenes.collect(), views.collect())?;
         let size = self.settings.render_size(step.index);
-        let few = options(size, self.settings.samples);
-        let depth = self.settings.depth;
-        let few = if depth { few.with_depth() } else { few };
-        let seen = see(&rendered, &step.options(&few, 0).of_view(4 * batch.before))?;
+        let few = self.settings.options(size, self.settings.samples);
+        // Two renders of two views of each object.
+        let few = step.options(&few, 0).of_view(4 * batch.before);
+        let seen = see(&rendered, &few)?;
         let target = self.data.images(&compared, &place.device).shrunk(size)?;
         let differ = |found: Tensor<4>, target: Tensor<4>| {
             let [_, h, w, c] = target.dims();
@@ -187,8 +187,8 @@ impl Trainer<'_> {
         if let (Some(found), Some(target)) = (seen.depth, target.depth) {
             image = image + differ(found.unsqueeze_dim(3), target.unsqueeze_dim(3))? * DEPTH;
         }
-        let opacity = seen.opacity.reshape([-1, 2, size as i32, size as i32]);
-        let opacity = opacity.mean_dim(1).squeeze_dim::<3>(1);
+        let pairs = seen.opacity.reshape([-1, 2, size as i32, size as i32]);
+        let opacity = pairs.mean_dim(1).squeeze_dim::<3>(1);
         let start = Instant::now();
         let [soft, shape] = self.shape_terms(bodies, batch, step, place)?;
         let soft_time = start.elapsed();
@@ -279,7 +279,8 @@ impl Trainer<'_> {
     }
 }
 
-/// The mean binary cross-entropy, whose gradient is large where an opacity is entirely wrong.
+/// The mean binary cross-entropy. Unlike that of squares, its gradient is large where an opacity is entirely wrong, unless
+/// the ray misses the grid.
 fn cross_entropy(opacity: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
     let logarithm = |share: Tensor<3>| share.clamp_min(1e-6).log();
     let [opaque, clear] = [opacity.clone(), opacity.neg() + 1.0].map(logarithm);
@@ -363,7 +364,7 @@ mod tests {
                     squares: Vec::new(),
                 };
                 network.visit(&mut sizes);
-                // Weights and biases: of six layers, of ten in each level of the encoder, and as many of a U-Net.
+                // Weights and biases of six layers, and of five in each level of the encoder and of a U-Net.
                 let levels = settings.channels.len() - 1;
                 let each = if settings.template { 10 } else { 20 };
                 assert_eq!(sizes.squares.len(), 12 + each * levels);

@@ -121,8 +121,8 @@ impl TetrahedralGrid {
         if !(enter < leave && count.is_finite()) {
             return None;
         }
-        let part = (leave - enter) / count;
-        let at = |i: usize| origin + along * (enter + (i as f64 + 0.5) * part);
+        let length = (leave - enter) / count;
+        let at = |i: usize| origin + along * (enter + (i as f64 + 0.5) * length);
         let valued = (0..count as usize).map(|i| (self.value(values, at(i)), i));
         let least = valued.min_by(|a, b| a.0.total_cmp(&b.0))?;
         Some(self.corners(at(least.1)))
@@ -137,7 +137,7 @@ impl TetrahedralGrid {
         (corner, (at - cell).to_array())
     }
 
-    /// The interpolated value at a point, without the weights of [`Self::corners`].
+    /// The value at a point: the weighted sum over [`Self::corners`], by seven linear interpolations.
     fn value(&self, values: &[f64], point: DVec3) -> f64 {
         let (corner, [x, y, z]) = self.cell(point);
         let (first, n) = (self.index(corner), self.size());

@@ -165,6 +165,8 @@ fn bodies_from_single_images() {
         outcome.after.volume > outcome.before.volume + 0.02,
         "{outcome:?}"
     );
+    // The far side is at best simple.
+    assert!((0.5..0.95).contains(&outcome.visible_side), "{outcome:?}");
 }
 
 #[test]
