@@ -15,11 +15,11 @@ use mesh_predictor::train::{Place, Trainer};
 #[path = "../../examples/mesh_predictor/main.rs"]
 mod mesh_predictor;
 
-/// After more steps, a distance that rounds to the other side of 0 changes the faces.
-const STEPS: usize = 3;
+const STEPS: usize = 2;
 
-/// The losses, their parts and the first overlaps of a training over some devices, with the network on the client.
-fn trained(devices: Vec<Device>, name: &str) -> Vec<f64> {
+/// The first loss with its parts and the overlaps, the norms of the gradients, and the second loss, of a training over
+/// some devices, with the network on the client.
+fn trained(devices: Vec<Device>, name: &str) -> [Vec<f64>; 3] {
     let settings = Settings {
         steps: STEPS,
         batch: 5,
@@ -39,24 +39,34 @@ fn trained(devices: Vec<Device>, name: &str) -> Vec<f64> {
     let network = Network::new(&settings, 1, &device);
     let arguments = Arguments::for_tests(target_folder(name));
     let fitted = trainer.train(network, &arguments).expect("a training");
-    let curve = |(name, steps)| {
-        let values = fitted.history.curve(name).into_iter();
-        values.map(|(_, value)| value).take(steps)
-    };
-    let parts = ["loss", "image", "silhouette", "soft", "shape"].map(|name| (name, STEPS));
-    // Later overlaps could differ by a pixel at their threshold.
-    let overlaps = ["IoU input", "IoU other"].map(|name| (name, 1));
-    parts.into_iter().chain(overlaps).flat_map(curve).collect()
+    let parts = [
+        "image",
+        "silhouette",
+        "soft",
+        "shape",
+        "IoU input",
+        "IoU other",
+    ];
+    let first = parts.map(|name| fitted.history.curve(name)[0].1);
+    let rows = &fitted.history.rows;
+    let norms = rows.iter().map(|row| row.gradient_norm).collect();
+    let first = first.into_iter().chain([rows[0].loss]).collect();
+    [first, norms, vec![rows[1].loss]]
 }
 
+/// A distance that rounds to the other side of 0 changes faces, and with them the noise of the gradient. A gradient without
+/// the part of a server would differ by tens of percent.
 #[test]
 fn a_training_over_two_servers_is_that_of_one_device() {
     let servers = [Server::start(), Server::start()];
     let one = trained(vec![Device::flex()], "predictor-one");
     let two = servers.each_ref().map(Server::device);
     let two = trained(two.to_vec(), "predictor-two");
-    assert_eq!(one.len(), 5 * STEPS + 2);
-    let most = largest(pairs(&one, &two).map(|(a, b)| (a - b) / (1.0 + a.abs())));
-    println!("{most:e}");
-    assert!(most < 1e-5, "{one:?} {two:?}");
+    let bounds = [1e-5, 0.05, 1e-3];
+    for ((one, two), bound) in one.iter().zip(&two).zip(bounds) {
+        assert_eq!(one.len(), two.len());
+        let most = largest(pairs(one, two).map(|(a, b)| (a - b) / (1.0 + a.abs())));
+        println!("{most:e}");
+        assert!(most < bound, "{one:?} {two:?}");
+    }
 }
