@@ -38,7 +38,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Takes two to four minutes on two cores.
+    /// Takes four to five minutes on two cores.
     pub fn quick() -> Self {
         Self {
             size: 64,
