@@ -11,6 +11,7 @@ pub(crate) mod evaluate;
 pub(crate) mod harmonics;
 pub(crate) mod network;
 pub(crate) mod numbers;
+pub(crate) mod optimizer;
 pub(crate) mod picture;
 pub(crate) mod render;
 pub(crate) mod settings;

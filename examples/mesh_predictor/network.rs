@@ -2,7 +2,7 @@
 
 use burn::module::Module;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
-use burn::nn::{GroupNorm, GroupNormConfig, Linear, LinearConfig, PaddingConfig2d};
+use burn::nn::{GroupNorm, GroupNormConfig, Initializer, Linear, LinearConfig, PaddingConfig2d};
 use burn::tensor::activation::{relu, sigmoid};
 use burn::tensor::{Device, Tensor};
 use softray::modules::TetrahedralGrid;
@@ -16,6 +16,8 @@ use super::template::{Template, TemplateHead};
 pub const RADIUS: f64 = 0.55;
 /// What the outputs of the network are multiplied by: distances in scene units.
 const SCALE: f64 = 0.3;
+/// The gain of the last kernel's start, so small that the first bodies are about a ball.
+const START: f64 = 0.05;
 
 fn convolution([input, output]: [usize; 2], kernel: usize) -> Conv2dConfig {
     let side = kernel / 2;
@@ -79,7 +81,12 @@ impl GridHead {
             start: LinearConfig::new(settings.hidden, channels[last]).init(device),
             levels: (first..last).rev().map(level).collect(),
             norm: GroupNormConfig::new(4, fine).init(device),
-            distances: convolution([fine, settings.nodes], 3).init(device),
+            distances: convolution([fine, settings.nodes], 3)
+                .with_initializer(Initializer::KaimingUniform {
+                    gain: START,
+                    fan_out_only: false,
+                })
+                .init(device),
         }
     }
 

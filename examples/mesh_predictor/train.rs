@@ -2,7 +2,6 @@
 
 use std::time::{Duration, Instant};
 
-use burn::optim::AdamWConfig;
 use softray::optim::{Evaluation, Fit, Fitted, Part, Rate, Step, loss};
 use softray::prelude::*;
 
@@ -11,6 +10,7 @@ use super::dataset::Dataset;
 use super::evaluate::predict_and_overlap;
 use super::network::{Bodies, Decoder, Network};
 use super::numbers::Numbers;
+use super::optimizer::optimizer;
 use super::render::see;
 use super::settings::Settings;
 
@@ -116,8 +116,7 @@ impl Trainer<'_> {
         let settings = self.settings;
         let devices: Vec<Device> = self.places.iter().map(|p| p.device.clone()).collect();
         let warm_up = (WARM_UP * settings.steps as f64).ceil() as usize;
-        let optimizer = AdamWConfig::new().with_weight_decay(0.01);
-        Fit::new(network, optimizer.init(), settings.steps)
+        Fit::new(network, optimizer(), settings.steps)
             .with_seed(arguments.seed)
             .with_rate(Rate::cosine(settings.rate).with_warm_up(warm_up))
             .with_blur(settings.blur()?)

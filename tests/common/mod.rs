@@ -6,6 +6,7 @@ pub mod errors;
 pub mod facets;
 pub mod folder;
 pub mod gradients;
+pub mod grids;
 pub mod materials;
 pub mod memory;
 pub mod mistakes;

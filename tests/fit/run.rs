@@ -156,6 +156,45 @@ fn blur_that_follows_the_loss_falls_where_it_is_flat() {
     assert_eq!(resumed.curve("loss"), whole.curve("loss"));
 }
 
+/// a ← d a + (1 − d) p with d = min(decay, n / (n + 9)) after n steps.
+#[test]
+fn parameters_are_averaged() {
+    let fit = |decay: f64| {
+        Fit::new(point(&[3.0, -4.0]), SgdConfig::new().init(), 30)
+            .with_progress(false)
+            .with_rate(0.1)
+            .with_average(decay)
+    };
+    let seen = std::rc::Rc::new(std::cell::RefCell::new(Vec::new()));
+    let places = seen.clone();
+    let fitted = fit(0.5).on_step(1, move |report| {
+        places.borrow_mut().push(place(report.module));
+        Ok(true)
+    });
+    let fitted = fitted.run(bowl).expect("a fit");
+    let mut places = seen.borrow().clone();
+    places.push(place(&fitted.module));
+    let mut average = places[0].clone();
+    for (n, place) in places.iter().enumerate().skip(1) {
+        let keep = (n as f64 / (n as f64 + 9.0)).min(0.5);
+        average = average
+            .iter()
+            .zip(place)
+            .map(|(a, p)| keep * a + (1.0 - keep) * p)
+            .collect();
+    }
+    let found = place(&fitted.average.expect("an average"));
+    let apart = found.iter().zip(&average).map(|(a, b)| (a - b).abs());
+    assert!(apart.fold(0.0, f64::max) < 1e-6, "{found:?}, {average:?}");
+    assert!(
+        found
+            .iter()
+            .zip(&places[30])
+            .all(|(a, p)| (a - p).abs() > 1e-4)
+    );
+    says(message(fit(1.0).run(bowl)), ["average", "below 1"]);
+}
+
 /// Bytes that changed, in any file of a checkpoint: the one before it serves, and the fit ends the same.
 #[test]
 fn damaged_checkpoints_are_passed_over() {
@@ -163,6 +202,7 @@ fn damaged_checkpoints_are_passed_over() {
     let fit = |last: usize| {
         Fit::new(point(&[0.5, -1.0]), adam(), 40)
             .with_progress(false)
+            .with_average(0.9)
             .with_checkpoint_every(5)
             .with_folder(&folder)
             .on_step(1, move |report| Ok(report.step.index < last))
@@ -170,11 +210,16 @@ fn damaged_checkpoints_are_passed_over() {
     };
     let whole = Fit::new(point(&[0.5, -1.0]), adam(), 40)
         .with_progress(false)
+        .with_average(0.9)
         .run(bowl);
-    let whole = place(&whole.expect("a fit").module);
+    let places = |fitted: Fitted<Point>| {
+        [Some(fitted.module), fitted.average].map(|p| place(&p.expect("a point")))
+    };
+    let whole = places(whole.expect("a fit"));
     let checkpoints = folder.join("checkpoints");
     for file in [
         "module.bpk",
+        "average.bpk",
         "optimizer.bpk",
         "history.csv",
         "settings.txt",
@@ -194,7 +239,7 @@ fn damaged_checkpoints_are_passed_over() {
             std::fs::write(&path, bytes).expect("a file");
             let resumed = fit(40).expect("a fit");
             assert_eq!(resumed.resumed, Some(20), "{file}");
-            assert_eq!(place(&resumed.module), whole, "{file}");
+            assert_eq!(places(resumed), whole, "{file}");
         }
     }
     // All of them damaged: not a new beginning.

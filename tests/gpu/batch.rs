@@ -1,6 +1,7 @@
 //! Batches on a GPU: views in one launch, of scenes that they share and of others, and what a training step reads back.
 
 use crate::common::cached::steps_are_those_without_a_cache;
+use crate::common::grids;
 use crate::common::numbers::{apart, pairs};
 use crate::common::process::alone;
 use crate::common::scenes::{diffuse, floor, lamp};
@@ -75,6 +76,12 @@ fn batches_are_those_of_the_host() {
         // Scenes and cameras together.
         assert_eq!(read, [1, 0]);
     }
+}
+
+#[test]
+fn surfaces_of_grids_are_those_of_the_host() {
+    let [gpu, host] = [device(), Device::flex()].map(|d| grids::of_grids(&d));
+    grids::assert_close(&gpu, &host);
 }
 
 /// An image whose scene is read by `await` is that of `render`, with its gradient and one transfer from the device.

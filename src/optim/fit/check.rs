@@ -27,6 +27,9 @@ impl<M: Module> Fit<M> {
             Error::unless(value > 0, "fit", field, value, "at least 1")?;
         }
         Error::unless_positive("fit", "clip", self.clip.unwrap_or(1.0))?;
+        let decay = self.average.as_ref().map_or(0.0, |average| average.decay);
+        let valid = (0.0..1.0).contains(&decay);
+        Error::unless(valid, "fit", "average", decay, "at least 0 and below 1")?;
         self.rate.check()?;
         self.rates.iter().try_for_each(|(_, rate)| rate.check())?;
         check_parameters(&self.module)

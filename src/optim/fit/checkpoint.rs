@@ -12,6 +12,8 @@ use crate::error::{Error, Result};
 use crate::io::write_whole;
 
 const MODULE: &str = "module.bpk";
+/// The module with averaged parameters, where a fit has one.
+pub(super) const AVERAGE: &str = "average.bpk";
 const OPTIMIZER: &str = "optimizer.bpk";
 const HISTORY: &str = "history.csv";
 const SETTINGS: &str = "settings.txt";
@@ -23,6 +25,9 @@ const LOCK: &str = "lock";
 const PART: &str = ".part-";
 /// The number of checkpoints that are kept.
 const KEPT: usize = 2;
+
+/// Writes a module to a file.
+type Save<'a> = &'a dyn Fn(PathBuf) -> std::result::Result<(), RecordError>;
 
 /// Checkpoints of a fit, in folders named by the number of steps taken. A folder gets its name after all of its
 /// files have reached the disk, so a folder with such a name is complete.
@@ -97,18 +102,21 @@ impl Checkpoints {
     /// Writes a checkpoint and removes old ones.
     pub fn write<M: Module>(
         &self,
-        module: &M,
+        (module, average): (&M, Option<&M>),
         optimizer: &ModuleOptimizer,
         history: &History,
         settings: &str,
     ) -> Result<()> {
         let module = |path: PathBuf| module.clone().save_file(path);
-        self.write_all(&module, optimizer, history, settings)
+        let average = average.map(|average| |path: PathBuf| average.clone().save_file(path));
+        let mut modules: Vec<(&str, Save<'_>)> = vec![(MODULE, &module)];
+        modules.extend(average.iter().map(|save| (AVERAGE, save as Save<'_>)));
+        self.write_all(&modules, optimizer, history, settings)
     }
 
     fn write_all(
         &self,
-        module: &dyn Fn(PathBuf) -> std::result::Result<(), RecordError>,
+        modules: &[(&str, Save<'_>)],
         optimizer: &ModuleOptimizer,
         history: &History,
         settings: &str,
@@ -121,14 +129,18 @@ impl Checkpoints {
         fs::create_dir(&part).map_err(Error::io(&part))?;
         let at = |file: &str| part.join(file);
         let failed = |e: RecordError| Error::format(&part, e.to_string());
-        module(at(MODULE)).map_err(failed)?;
+        for (file, save) in modules {
+            save(at(file)).map_err(failed)?;
+        }
         optimizer.save(at(OPTIMIZER)).map_err(failed)?;
         fs::write(at(HISTORY), history.to_csv()).map_err(Error::io(&at(HISTORY)))?;
         fs::write(at(SETTINGS), settings).map_err(Error::io(&at(SETTINGS)))?;
-        let sums = FILES.iter().map(|file| checksum(&part, file));
+        let mut files: Vec<&str> = modules.iter().map(|(file, _)| *file).collect();
+        files.extend(FILES);
+        let sums = files.iter().map(|file| checksum(&part, file));
         let sums = sums.collect::<Result<String>>()?;
         fs::write(at(CHECKSUMS), sums).map_err(Error::io(&at(CHECKSUMS)))?;
-        for file in FILES.into_iter().chain([CHECKSUMS]) {
+        for file in files.into_iter().chain([CHECKSUMS]) {
             sync(&at(file))?;
         }
         let whole = self.inside.join(name);
@@ -167,7 +179,8 @@ impl Checkpoint {
             fs::read_to_string(&path).map_err(Error::io(&path))
         };
         let sums = read(CHECKSUMS)?;
-        for file in FILES {
+        let average = sums.contains(AVERAGE).then_some(AVERAGE);
+        for file in [MODULE].into_iter().chain(average).chain(FILES) {
             let sum = checksum(folder, file)?;
             if !sums.split_inclusive('\n').any(|line| line == sum) {
                 let message = "it is not what was written";
@@ -193,17 +206,23 @@ impl Checkpoint {
         module: M,
         optimizer: ModuleOptimizer,
     ) -> Result<(M, ModuleOptimizer)> {
-        let (at_module, at_optimizer) = (self.folder.join(MODULE), self.folder.join(OPTIMIZER));
-        let module = module.try_load_file(&at_module);
-        let module = module.map_err(|e| Error::format(at_module, e.to_string()))?;
+        let module = self.load_module(MODULE, module)?;
+        let at_optimizer = self.folder.join(OPTIMIZER);
         let optimizer = optimizer.load(&at_optimizer);
         let optimizer = optimizer.map_err(|e| Error::format(at_optimizer, e.to_string()))?;
         Ok((module, optimizer))
     }
+
+    /// Loads the parameters of a file into a module.
+    pub fn load_module<M: Module>(&self, file: &str, module: M) -> Result<M> {
+        let path = self.folder.join(file);
+        let module = module.try_load_file(&path);
+        module.map_err(|e| Error::format(path, e.to_string()))
+    }
 }
 
-/// The files of a checkpoint, except for the file of checksums.
-const FILES: [&str; 4] = [MODULE, OPTIMIZER, HISTORY, SETTINGS];
+/// The files of a checkpoint, except for those of modules and the file of checksums.
+const FILES: [&str; 3] = [OPTIMIZER, HISTORY, SETTINGS];
 
 /// Returns a line with the CRC-32 of a file, its length, and its name.
 fn checksum(folder: &Path, file: &str) -> Result<String> {

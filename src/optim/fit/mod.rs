@@ -1,6 +1,7 @@
 //! A loop that fits the parameters of a module to images: noisy renders with new random numbers at every step,
 //! blur that falls, progress, a history, pictures, and checkpoints that survive a kill at any moment.
 
+mod average;
 mod check;
 mod checkpoint;
 mod devices;
@@ -21,6 +22,7 @@ use burn::optim::ModuleOptimizer;
 
 use super::schedule::Blur;
 use crate::error::Result;
+use average::Average;
 pub use devices::Part;
 pub use history::{History, Row};
 pub use least_squares::{LeastSquares, Residual};
@@ -90,6 +92,7 @@ pub struct Fit<M> {
     rates: Vec<(ParamGroup, Rate)>,
     blur: Option<Blur>,
     clip: Option<f64>,
+    average: Option<Average<M>>,
     patience: Option<usize>,
     folder: Option<PathBuf>,
     every: usize,
@@ -112,6 +115,7 @@ impl<M: Module> Fit<M> {
             rates: Vec::new(),
             blur: None,
             clip: None,
+            average: None,
             patience: None,
             folder: None,
             every: 25,
@@ -194,6 +198,16 @@ impl<M: Module> Fit<M> {
     /// `norm`.
     pub fn with_clip(mut self, norm: f64) -> Self {
         self.clip = Some(norm);
+        self
+    }
+
+    /// Also keeps a moving average a of the parameters p (Polyak & Juditsky 1992): after n steps
+    /// a ← d a + (1 − d) p with d = min(decay, n / (n + 9)). [`Fitted::average`] is the module with these. Where the
+    /// learning rate stays high, it is less noisy than the parameters themselves; a rate that falls to 0 has about the
+    /// same effect.
+    pub fn with_average(mut self, decay: f64) -> Self {
+        let module = self.module.clone();
+        self.average = Some(Average { decay, module });
         self
     }
 

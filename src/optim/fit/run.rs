@@ -10,7 +10,7 @@ use burn::tensor::Device;
 use web_time::Instant;
 
 use super::check::{clip, loss_of_step, no_gradient, not_finite};
-use super::checkpoint::Checkpoints;
+use super::checkpoint::{AVERAGE, Checkpoints};
 use super::devices::{Part, evaluate_over};
 use super::progress::Progress;
 use super::step::Evaluated;
@@ -167,6 +167,9 @@ impl<M: Module> Run<M> {
         let newest = newest.map(|c| c.newest(&settings, &mut warn));
         if let Some(newest) = newest.transpose()?.flatten() {
             (fit.module, fit.optimizer) = newest.load(fit.module, fit.optimizer)?;
+            if let Some(average) = &mut fit.average {
+                average.module = newest.load_module(AVERAGE, average.module.clone())?;
+            }
             history = newest.history;
             let (steps, done) = (fit.steps, history.rows.len());
             let expected = format!("at least {done}, which the checkpoint has");
@@ -262,6 +265,9 @@ impl<M: Module> Run<M> {
         self.fit.module = self.fit.optimizer.step(rates, self.fit.module, gradients);
         observe(&mut self.fit.blur, loss);
         self.progress.step(&self.history);
+        if let Some(average) = &mut self.fit.average {
+            average.take(&self.fit.module, index + 1);
+        }
         let (window, last) = (self.window, self.plateaus.last().copied());
         if self.history.is_flat(index + 1, window, last) {
             self.plateaus.push(index);
@@ -275,8 +281,9 @@ impl<M: Module> Run<M> {
     /// Writes a checkpoint if the fit has a folder.
     fn save(&self) -> Result<()> {
         self.checkpoints.as_ref().map_or(Ok(()), |checkpoints| {
-            let (module, optimizer) = (&self.fit.module, &self.fit.optimizer);
-            checkpoints.write(module, optimizer, &self.history, &self.settings)
+            let average = self.fit.average.as_ref().map(|average| &average.module);
+            let modules = (&self.fit.module, average);
+            checkpoints.write(modules, &self.fit.optimizer, &self.history, &self.settings)
         })
     }
 
@@ -292,6 +299,7 @@ impl<M: Module> Run<M> {
         }
         Ok(Fitted {
             module: self.fit.module,
+            average: self.fit.average.map(|average| average.module),
             history: self.history,
             stop,
             resumed: self.resumed,

@@ -42,6 +42,9 @@ impl<M: Module> Fit<M> {
             ("blur".into(), blur),
             ("clip".into(), clip),
         ];
+        if let Some(average) = &self.average {
+            settings.push(("average".into(), average.decay.to_string()));
+        }
         let changes = changes(&self.optimizer, &self.module)?;
         for p in parameters.iter().filter(|p| p.is_trained()) {
             let name = format!("optimizer of {} (test steps)", p.path);

@@ -179,6 +179,8 @@ pub enum Stop {
 pub struct Fitted<M> {
     /// The module after the last step.
     pub module: M,
+    /// The module with averaged parameters, if there is [`Fit::with_average`](super::Fit::with_average).
+    pub average: Option<M>,
     /// All steps, including the steps before a resumption.
     pub history: History,
     /// The reason for the end of the fit.
