@@ -81,7 +81,8 @@ fn batches_are_those_of_the_host() {
 #[test]
 fn surfaces_of_grids_are_those_of_the_host() {
     let [gpu, host] = [device(), Device::flex()].map(|d| grids::of_grids(&d));
-    grids::assert_close(&gpu, &host);
+    // The precision of tanh is that of the driver.
+    grids::assert_close(&gpu, &host, 1e-4);
 }
 
 /// An image whose scene is read by `await` is that of `render`, with its gradient and one transfer from the device.
