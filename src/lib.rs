@@ -77,6 +77,7 @@ mod geometry;
 #[cfg(feature = "gpu")]
 mod gpu;
 pub mod gradcheck;
+mod host;
 pub mod io;
 mod kernel;
 mod lanes;

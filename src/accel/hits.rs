@@ -11,7 +11,7 @@ use super::rays::{Hit, HitRay, Rays8};
 use super::shaft::{EIGHTS, Shaft};
 use super::simd::{LANES, Machine, Task, dispatch};
 use super::wide::Wide;
-use crate::scene::Holes;
+use crate::host::Holes;
 
 /// The number of rays that are prepared at once.
 const BLOCK: usize = 64;

@@ -12,7 +12,7 @@ pub(crate) use context::{
     Context, any_positive, by_rows, detached, first_outside, host_values, host_values_async, now,
     place_of, sin_cos,
 };
-pub(crate) use topology::{Neighbors, Topology, Weld};
+pub(crate) use topology::{Neighbors, Topology};
 pub(crate) use triangles::{Nearest, Triangles, VertexData, nearest_on_triangle};
 pub(crate) use vec3::{
     Vec3, columns, gather_columns, gather_row, host_vectors, length, split, unit_size,

@@ -7,9 +7,9 @@ use crate::cube::*;
 use super::job::Views;
 use super::placed::{TensorPlaces, ViewPlaces};
 use super::sums::{Places, Replicas};
+use crate::host::ParameterId;
 use crate::kernel::{Rows, View};
 use crate::model::{V3, component, splat, v3};
-use crate::scene::ParameterId;
 use crate::trace::{
     AREAS, CAMERAS, LIGHTS, OF_CAMERA, OF_LIGHT, PARTS, Scene, TRIANGLES, VERTICES,
 };

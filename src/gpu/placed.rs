@@ -19,12 +19,12 @@ use crate::cube::*;
 
 use super::device::{List, floats, launch};
 use crate::geometry::detached;
+use crate::host::{CHANNELS, Channel, LightPart, ParameterId};
 use crate::kernel::{KernelScene, View};
 use crate::model::delta_light::{OF_LIGHT, OF_STRENGTH};
 use crate::model::numbers::{is_finite, magnitude};
 use crate::model::texture::Texture;
 use crate::model::triangle::AREA;
-use crate::scene::{CHANNELS, Channel, LightPart, ParameterId};
 use crate::trace::{HEADER, HeaderWord};
 
 /// The ranges of a view's tensors in the row, and in its gradient.

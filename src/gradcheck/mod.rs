@@ -13,7 +13,7 @@ mod settings;
 mod weights;
 
 use crate::error::{Error, Result, one_of};
-use crate::scene::{Camera, HostScene, Normalization, Scene};
+use crate::scene::{Camera, Normalization, Scene};
 
 pub use parameter::{Checked, Point};
 pub use report::{Estimate, Report, Row, Verdict};
@@ -62,8 +62,8 @@ pub fn gradcheck(
     }
     let values: Vec<Vec<f64>> = parameters.iter().map(|p| p.values.clone()).collect();
     let (scene, camera) = build(&point(parameters, settings, &values, false))?;
-    let host = HostScene::new(&scene)?;
-    camera.check(Some(&host.context))?;
+    let (host, context) = scene.read_back()?;
+    camera.check(Some(&context))?;
     let normalization = Normalization::new(&host);
     let run = Run {
         parameters,

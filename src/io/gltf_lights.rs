@@ -6,7 +6,8 @@ use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 
 use crate::error::Result;
-use crate::scene::{Light, LightKind};
+use crate::host::LightKind;
+use crate::scene::Light;
 use crate::warnings::warning;
 
 /// Returns the JSON of a light and of the node that places it. The caller adds the light's index to the node.

@@ -11,8 +11,9 @@ use super::gltf_images::{Picture, Texels};
 use super::gltf_lights::scale_above;
 use crate::error::Result;
 use crate::geometry::host_values;
+use crate::host::BsdfKind;
 use crate::scene::{
-    AlphaMask, Bsdf, BsdfKind, ColorTexture, Material, NormalMap, Parameter, ScalarTexture, Wrap,
+    AlphaMask, Bsdf, ColorTexture, Material, NormalMap, Parameter, ScalarTexture, Wrap,
 };
 use crate::warnings::warning;
 

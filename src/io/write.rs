@@ -4,7 +4,8 @@ use std::path::Path;
 
 use super::{gltf_write, obj_write, ply_write, whole::ending};
 use crate::error::{Error, Result};
-use crate::scene::{BsdfKind, Material, Mesh, Scene, check_scene};
+use crate::host::BsdfKind;
+use crate::scene::{Material, Mesh, Scene, check_scene};
 use crate::warnings::warning;
 
 /// The endings of files that are written.

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
 
 use super::scene::KernelScene;
+use crate::host::{CHANNELS, Channel, LightPart, ParameterId};
 use crate::model::{V3, v3};
-use crate::scene::{CHANNELS, Channel, LightPart, ParameterId};
 use crate::trace::{
     AREAS, CAMERAS, COLORS, Derivatives, LIGHTS, MATERIALS, NORMALS, OF_CAMERA, OF_LIGHT, PARTS,
     SKY, SumTangents, Sums, TANGENTS, TEXELS, TRIANGLES, UVS, VELOCITIES, VERTICES,

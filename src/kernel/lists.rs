@@ -4,8 +4,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::accel::HostTriangle;
+use crate::host::{HostAttribute, HostScene, SceneFrame};
 use crate::model::triangle::{self, AREA};
-use crate::scene::{HostAttribute, HostScene, SceneFrame};
 use crate::trace::{NONE, TRIANGLE};
 
 /// The offsets of an object's values in the lists of the scene.

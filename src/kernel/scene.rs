@@ -7,6 +7,10 @@ use glam::DVec3;
 
 use super::lists::Lists;
 use crate::accel::{Hierarchy, LastHierarchy, Spare};
+use crate::host::{
+    BsdfKind, CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, LightPart,
+    MaterialKind, SceneFrame,
+};
 use crate::model::V3;
 use crate::model::bsdf::Models;
 use crate::model::delta_light::{DeltaLight, OF_LIGHT};
@@ -14,10 +18,6 @@ use crate::model::sky::Sky;
 use crate::model::texture::{Color, Texels, Texture};
 use crate::model::triangle::{AREA, Triangle, triangle_at};
 use crate::sampling::{Emitter, EmitterGroup, EmitterSampling, Emitters};
-use crate::scene::{
-    BsdfKind, CHANNELS, Channel, Holes, HostMaterial, HostScene, HostTexture, LightPart,
-    MaterialKind, SceneFrame,
-};
 use crate::trace::{
     COMPENSATED, EMITS, FOLLOWED, Features, GLOSSY, GLOWS, MATERIAL, MODEL, NONE, POLISHED,
     REFLECTS, Scene,
@@ -336,7 +336,7 @@ impl Packed {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Material {
-    /// Each channel is at [`Channel::place`](crate::scene::Channel::place).
+    /// Each channel is at [`Channel::place`](crate::host::Channel::place).
     pub channels: [Color; CHANNELS],
     pub kind: MaterialKind,
     pub normal_map: Option<Texture>,

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::gradient::{HostSums, Rows};
 use super::view::View;
+use crate::host::ParameterId;
 use crate::model::{V3, v3};
-use crate::scene::ParameterId;
 use crate::trace::{
     AREAS, CAMERAS, LIGHTS, OF_CAMERA, OF_LIGHT, Seen, SumTangents, TRIANGLES, VERTICES,
 };

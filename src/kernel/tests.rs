@@ -14,7 +14,7 @@ use crate::accel::LastHierarchy;
 use crate::sampling::EmitterSampling;
 #[cfg(feature = "gpu")]
 use crate::scene::shapes;
-use crate::scene::{ColorTexture, HostScene, Material, Mesh, Object, Scene};
+use crate::scene::{ColorTexture, Material, Mesh, Object, Scene};
 
 /// Textured emitters are chosen by their mean radiance over the triangle. The radiance is (1 − cos 2πu)(1 + v). Two
 /// triangles show different parts of it, and a third emits a constant.
@@ -47,7 +47,7 @@ fn a_textured_emitter_is_chosen_by_its_mean_radiance() {
         .with_object(triangle(uvs[0], 0.0, texture.clone()))
         .with_object(triangle(uvs[1], 1.0, texture))
         .with_object(triangle([[0.0; 2]; 3], 2.0, [constant; 3].into()));
-    let mut host = HostScene::new(&scene).expect("values");
+    let mut host = scene.host().expect("values");
     let packed = KernelScene::new(
         &mut host,
         EmitterSampling::Power,
@@ -89,8 +89,8 @@ fn a_tree_over_edges_is_reused_while_faces_stay() {
         let (boxes, kept) = (LastHierarchy::default(), LastEdges::default());
         let shape = |level: u32, height: f64, edges: &LastEdges| {
             let ball = shapes::icosphere(level, &device).scaled([1.0, 1.0, height]);
-            let mut host =
-                HostScene::new(&Scene::new().with_object(Object::new(ball))).expect("values");
+            let scene = Scene::new().with_object(Object::new(ball));
+            let mut host = scene.host().expect("values");
             let packed = KernelScene::new(&mut host, EmitterSampling::Power, None, &boxes);
             let wanted = Wanted {
                 objects: vec![1],

@@ -6,11 +6,11 @@ use std::sync::{Arc, Once};
 use super::edges::{EdgeSets, ROOM};
 use super::gradient::Wanted;
 use super::scene::KernelScene;
+use crate::host::ParameterId;
 use crate::model::camera::{Camera, HostCamera};
 use crate::model::filter::PixelFilter;
 use crate::model::integers::Wide;
 use crate::sampling::{EmitterGroup, EmitterLists, Sampler, points};
-use crate::scene::ParameterId;
 use crate::trace::{Features, NONE, OF_CONES, OF_PATHS, PURPOSES, RARELY, Scene, emitters_of};
 use crate::warnings::warning;
 

@@ -6,7 +6,7 @@ use super::connection::Target;
 use super::lists::vector;
 use super::{V3, splat};
 use crate::cube::*;
-use crate::scene::{HostLight, LightKind, LightPart, SceneFrame};
+use crate::host::{HostLight, LightKind, LightPart, SceneFrame};
 
 /// A delta light.
 #[apply(record!)]

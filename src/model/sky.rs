@@ -8,7 +8,7 @@ use super::lists::first_over;
 use super::texture::{AROUND, Cell, Texture};
 use super::{V2, V3, v2, v3};
 use crate::cube::*;
-use crate::scene::{HostScene, HostTexture};
+use crate::host::{HostScene, HostTexture};
 
 /// The environment: black if empty, one constant color, or the texels of a map, which directions are sampled from.
 #[derive(Default)]

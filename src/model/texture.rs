@@ -6,7 +6,7 @@ use super::lists::vector;
 use super::triangle::uniform_point;
 use super::{V2, V3, v2};
 use crate::cube::*;
-use crate::scene::{Holes, OF_MASKED, Wrap};
+use crate::host::{Holes, OF_MASKED, Wrap};
 
 /// The texels of all textures, three floats each.
 #[derive(Clone, Debug, Default)]

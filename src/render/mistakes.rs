@@ -4,11 +4,9 @@ use glam::DVec3;
 
 use super::batch::Batch;
 use super::options::RenderOptions;
+use crate::host::{HostLight, HostMaterial, HostObject, HostScene, LightKind};
 use crate::model::camera::HostCamera;
-use crate::scene::{
-    Bounds, HostLight, HostMaterial, HostObject, HostScene, LightKind, Parameter, Projection,
-    Scene, narrow_in_radians, warn_of_radians,
-};
+use crate::scene::{Bounds, Parameter, Projection, Scene, narrow_in_radians, warn_of_radians};
 use crate::tensors::Visibility;
 use crate::warnings::warning_once;
 

@@ -30,9 +30,8 @@ use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
 use crate::geometry::host_values_async;
-use crate::scene::{
-    Camera, Collect, Material, ParameterId, Scene, Visit, look_at_scene, visit_camera,
-};
+use crate::host::ParameterId;
+use crate::scene::{Camera, Collect, Material, Scene, Visit, look_at_scene, visit_camera};
 
 pub use crate::sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub use crate::tensors::{Diagnostics, SoftmaxOptions, Visibility};

@@ -19,9 +19,9 @@ use crate::error::Result;
 use crate::geometry::Context;
 #[cfg(feature = "gpu")]
 use crate::gpu::{Packed, Reading};
+use crate::host::ParameterId;
 #[cfg(feature = "gpu")]
 use crate::kernel::View;
-use crate::scene::ParameterId;
 #[cfg(feature = "gpu")]
 use crate::scene::{Camera, Scene};
 

@@ -1,17 +1,11 @@
 //! BSDFs with their parameters, and what constants of these may be.
 
-use super::parameter::{Parameter, Range};
+use super::parameter::{Parameter, Range, Row};
 use super::texture::{ColorTexture, ScalarTexture, Value};
+use crate::host::{BsdfKind, Channel, MAX_IOR, MAX_METAL_IOR, MIN_IOR};
 
 /// The largest constant exponent of a Phong lobe, which is then a tenth of a degree wide: f32 resolves little less.
 const MAX_SHININESS: f64 = 1e6;
-/// The largest η and k of a conductor: the fourth powers of larger ones come near what f32 holds.
-pub(crate) const MAX_METAL_IOR: f64 = 1e4;
-/// The least and the largest index of refraction of a dielectric.
-pub(crate) const MIN_IOR: f64 = 0.1;
-pub(crate) const MAX_IOR: f64 = 10.0;
-/// Indices of refraction that are nearer to 1 count as this far from it: without a difference nothing is refracted.
-pub(crate) const MIN_CONTRAST: f64 = 1e-3;
 
 /// How a surface scatters light: a model with its parameters.
 ///
@@ -176,60 +170,9 @@ impl Bsdf {
     }
 }
 
-/// The model of a BSDF.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub(crate) enum BsdfKind {
-    #[default]
-    Phong,
-    MetallicRoughness,
-    Conductor,
-    Dielectric,
-}
-
-impl BsdfKind {
-    /// Whether colors of a mesh multiply its base color.
-    pub fn is_tinted(self) -> bool {
-        matches!(self, Self::Phong | Self::MetallicRoughness)
-    }
-
-    /// Whether light passes the surface.
-    pub const fn refracts(self) -> bool {
-        matches!(self, Self::Dielectric)
-    }
-}
-
-/// A parameter of a material.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Channel {
-    Diffuse,
-    BaseColor,
-    Tint,
-    Specular,
-    Shininess,
-    Metallic,
-    Roughness,
-    Eta,
-    Extinction,
-    Ior,
-    Emission,
-}
-
-/// The number of places for parameters of a material: two colors and a number of its BSDF, and its emission.
-pub(crate) const CHANNELS: usize = Channel::Emission.place() + 1;
-
-impl Channel {
-    /// The place of its numbers among those of a material: parameters of different BSDFs share one.
-    pub const fn place(self) -> usize {
-        match self {
-            Self::Diffuse | Self::BaseColor | Self::Tint | Self::Eta => 0,
-            Self::Specular | Self::Metallic | Self::Extinction | Self::Ior => 1,
-            Self::Shininess | Self::Roughness => 2,
-            Self::Emission => 3,
-        }
-    }
-
-    /// The name in messages and the range of its values. Tensors of a fit may wander out of a share for a step.
-    pub fn row(self) -> (&'static str, Range) {
+impl Row for Channel {
+    /// Tensors of a fit may wander out of a share for a step.
+    fn row(self) -> (&'static str, Range) {
         match self {
             Self::Diffuse => ("diffuse", Range::Finite),
             Self::BaseColor => ("base_color", Range::Finite),
@@ -244,16 +187,16 @@ impl Channel {
             Self::Emission => ("emission", Range::Light),
         }
     }
+}
 
-    /// The range of constants of BSDFs other than Phong's, and of an exponent.
-    pub(super) fn constants(self) -> Range {
-        match self {
-            Self::BaseColor | Self::Tint | Self::Metallic | Self::Roughness => Range::Share,
-            Self::Diffuse | Self::Specular => Range::NotNegative,
-            Self::Shininess => Range::Within(0.0, MAX_SHININESS),
-            Self::Eta | Self::Extinction => Range::Within(0.0, MAX_METAL_IOR),
-            Self::Ior => Range::Within(MIN_IOR, MAX_IOR),
-            Self::Emission => Range::Light,
-        }
+/// The range of constants of BSDFs other than Phong's, and of an exponent.
+pub(super) fn range_of_constants(channel: Channel) -> Range {
+    match channel {
+        Channel::BaseColor | Channel::Tint | Channel::Metallic | Channel::Roughness => Range::Share,
+        Channel::Diffuse | Channel::Specular => Range::NotNegative,
+        Channel::Shininess => Range::Within(0.0, MAX_SHININESS),
+        Channel::Eta | Channel::Extinction => Range::Within(0.0, MAX_METAL_IOR),
+        Channel::Ior => Range::Within(MIN_IOR, MAX_IOR),
+        Channel::Emission => Range::Light,
     }
 }

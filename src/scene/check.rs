@@ -4,13 +4,15 @@ use std::collections::HashSet;
 
 use burn::tensor::Tensor;
 
-use super::bsdf::MIN_CONTRAST;
-use super::parameters::{ParameterId, Visit, look_at_scene, visit_camera};
+use super::bsdf::range_of_constants;
+use super::parameter::Row;
+use super::parameters::{Visit, look_at_scene, visit_camera};
 use super::texture::{ScalarTexture, Value};
 use super::{Bsdf, Camera, ColorTexture, Material, Object, Parameter, Scene};
 use crate::device::{self, label};
 use crate::error::{Error, Result};
 use crate::geometry::{Context, first_outside, place_of};
+use crate::host::{MIN_CONTRAST, ParameterId};
 
 /// Checks that all tensors of a scene are of one device and float type, and returns these.
 pub(crate) fn check_devices(scene: &Scene) -> Result<Context> {
@@ -89,7 +91,7 @@ impl Material {
     /// That constants make no energy and are in their ranges. Tensors may wander outside for a step of a fit.
     pub(crate) fn check_energy(&self, name: &str) -> Result<()> {
         for (channel, value) in self.clone().bsdf.channels() {
-            let range = channel.constants();
+            let range = range_of_constants(channel);
             range.check(name, channel.row().0, value.constants())?;
         }
         match &self.bsdf {

@@ -5,10 +5,11 @@ use std::fmt::{Debug, Formatter, Result};
 
 use super::texture::Value;
 use super::{
-    BsdfKind, Channel, ColorTexture, CornerAttribute, Environment, Material, Mesh, Object,
-    Parameter, ScalarTexture, Scene,
+    ColorTexture, CornerAttribute, Environment, Material, Mesh, Object, Parameter, Row,
+    ScalarTexture, Scene,
 };
 use crate::debug::{Text, graph, place, tensor};
+use crate::host::{BsdfKind, Channel};
 
 /// The most objects of a scene, and materials of an object, that are shown.
 const MAX_SHOWN: usize = 32;

@@ -6,8 +6,8 @@ use burn::tensor::Tensor;
 
 use super::corners::CornerAttribute;
 use super::maps::{AlphaMask, NormalMap};
-use super::wrap::Wrap;
 use super::{Material, Mesh, Object};
+use crate::host::Wrap;
 
 impl Mesh {
     /// Sets colors `[N, 3]`, linear RGB ≥ 0, and the rows of them at the corners of each face: for colors of

@@ -5,16 +5,13 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 use glam::DVec3;
 
-use super::host::{HostAttribute, HostObject};
 use super::material_planes::{ChannelPlanes, Materials, planes, texel_rows};
 use super::mesh::take_rows;
 use super::texture::Value;
-use super::{
-    Bounds, Camera, CornerAttribute, Environment, Holes, HostScene, LightPlanes, Mesh, Parameter,
-    Scene, SceneFrame,
-};
+use super::{Bounds, Camera, CornerAttribute, Environment, LightPlanes, Mesh, Parameter, Scene};
 use crate::error::Result;
-use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData, Weld};
+use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData};
+use crate::host::{Holes, HostAttribute, HostObject, HostScene, SceneFrame, Weld};
 
 /// A sphere about the scene that sets the scale of depths and tolerances. It has no gradient.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -86,22 +83,21 @@ impl Flattened {
     /// If the position of the camera can't be read.
     pub fn new(
         scene: &Scene,
-        host: &HostScene,
+        (host, context): (&HostScene, &Context),
         camera: &Camera,
         normalization: Normalization,
     ) -> Result<Self> {
-        let context = host.context.clone();
         let unit = normalization.radius.log2().round().exp2();
         let center = context.tensor(&normalization.center, [1, 3]);
         let relative = |p: Tensor<2>| (p - center.clone()) * unit.recip();
-        let positions = corners(scene, &context, 0.0, |m| Some((&m.vertices, &m.faces)));
-        let tilts = Tilts::new(scene, host);
+        let positions = corners(scene, context, 0.0, |m| Some((&m.vertices, &m.faces)));
+        let tilts = Tilts::new(scene, host, context);
         let materials: Vec<_> = scene.objects.iter().flat_map(|o| &o.materials).collect();
-        let materials = Materials::new(materials.into_iter().cloned().collect(), &context);
+        let materials = Materials::new(materials.into_iter().cloned().collect(), context);
         let attribute =
-            |of: fn(&Mesh) -> Option<&CornerAttribute>| attribute_planes(scene, &context, 0.0, of);
+            |of: fn(&Mesh) -> Option<&CornerAttribute>| attribute_planes(scene, context, 0.0, of);
         let colored = host.objects.iter().any(|o| o.colors.is_some());
-        let colors = colored.then(|| attribute_planes(scene, &context, 1.0, |m| m.colors.as_ref()));
+        let colors = colored.then(|| attribute_planes(scene, context, 1.0, |m| m.colors.as_ref()));
         let smooth: Vec<bool> = scene
             .objects
             .iter()
@@ -110,7 +106,7 @@ impl Flattened {
         let normals = smooth.contains(&true);
         let normals = normals.then(|| (attribute(|m| m.normals.as_ref()), smooth));
         let sky = &scene.environment;
-        let place = (Vec3::constant(&context, normalization.center), unit);
+        let place = (Vec3::constant(context, normalization.center), unit);
         let size = SceneFrame::new(host).unit / unit;
         let topology = topology(host, camera.eye.values()?.into());
         let emits = |t: u32| materials.kinds[topology.material[t as usize] as usize].emits;
@@ -118,18 +114,18 @@ impl Flattened {
         Ok(Self {
             emitters: triangles.filter(|&t| emits(t)).collect(),
             triangles: Triangles::new(
-                &context,
+                context,
                 vertex_data(positions.map(relative)),
-                velocities(scene, host).map(|v| v.map(|x| x * unit.recip())),
+                velocities(scene, host, context).map(|v| v.map(|x| x * unit.recip())),
             ),
             uvs: (materials.textured() || tilts.is_some()).then(|| attribute(|m| m.uvs.as_ref())),
             normals,
             colors,
             tilts,
             holes: host.holes.clone(),
-            lights: LightPlanes::new(&scene.lights, &context, place, size),
-            environment: sky.shines().then(|| SkyTensors::new(sky, &context)),
-            context,
+            lights: LightPlanes::new(&scene.lights, context, place, size),
+            environment: sky.shines().then(|| SkyTensors::new(sky, context)),
+            context: context.clone(),
             topology,
             materials,
             normalization,
@@ -196,7 +192,7 @@ fn vertex_data(corners: [Tensor<2>; 3]) -> VertexData {
 
 impl Tilts {
     /// Collects the normal maps of a scene. Returns None if no material has one.
-    fn new(scene: &Scene, host: &HostScene) -> Option<Self> {
+    fn new(scene: &Scene, host: &HostScene, context: &Context) -> Option<Self> {
         let materials = scene.objects.iter().flat_map(|o| &o.materials);
         let mut maps: Vec<_> = materials.map(|m| m.normal_map.clone()).collect();
         if maps.iter().all(Option::is_none) {
@@ -213,17 +209,17 @@ impl Tilts {
         };
         let all = host.objects.iter();
         Some(Self {
-            maps: planes(values.collect(), &host.context),
+            maps: planes(values.collect(), context),
             sides: all
                 .flat_map(|o| (0..o.faces.len()).map(move |f| side(o, f)))
                 .collect(),
-            tangents: attribute_planes(scene, &host.context, 0.0, |m| m.tangents.as_ref()),
+            tangents: attribute_planes(scene, context, 0.0, |m| m.tangents.as_ref()),
         })
     }
 }
 
 /// Returns the velocity of each triangle. Returns None if no object has a velocity, or only constants 0.
-fn velocities(scene: &Scene, host: &HostScene) -> Option<Vec3> {
+fn velocities(scene: &Scene, host: &HostScene, context: &Context) -> Option<Vec3> {
     if host.objects.iter().all(|o| o.velocity.is_none()) {
         return None;
     }
@@ -232,7 +228,7 @@ fn velocities(scene: &Scene, host: &HostScene) -> Option<Vec3> {
         let still = Parameter::Constant([0.0; 3]);
         let velocity = o.velocity.as_ref().unwrap_or(&still);
         let n = o.mesh.faces.len();
-        velocity.vector(&host.context).map(|p| p.expand([n, 1]))
+        velocity.vector(context).map(|p| p.expand([n, 1]))
     });
     Some(Vec3::cat(&parts.collect::<Vec<_>>(), 0))
 }

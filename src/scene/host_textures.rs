@@ -5,34 +5,11 @@ use std::sync::Arc;
 
 use burn::tensor::Tensor;
 
-use super::holes::Mask;
 use super::maps::AlphaMask;
 use super::texture::Value;
-use super::wrap::Wrap;
 use crate::error::{Error, Result};
 use crate::geometry::{by_rows, place_of};
-
-/// A color, or an image of colors.
-pub(crate) enum HostTexture {
-    Constant([f64; 3]),
-    Image {
-        /// RGB, row by row. Textures of one untracked tensor share them.
-        texels: Arc<Vec<f32>>,
-        width: usize,
-        height: usize,
-        wrap: Wrap,
-    },
-}
-
-impl HostTexture {
-    /// Whether any value is other than 0.
-    pub(super) fn shines(&self) -> bool {
-        match self {
-            Self::Constant(c) => *c != [0.0; 3],
-            Self::Image { texels, .. } => texels.iter().any(|&v| v != 0.0),
-        }
-    }
-}
+use crate::host::{HostTexture, Mask};
 
 /// The images read so far, by the address and shape of their tensors. These tensors must outlive the cache.
 #[derive(Default)]

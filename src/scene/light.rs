@@ -6,10 +6,11 @@ use burn::tensor::Tensor;
 
 use super::Parameter;
 use super::angles::warn_of_radians;
-use super::parameter::Range;
+use super::parameter::{Range, Row};
 use super::texture::Value;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, sin_cos};
+use crate::host::{HostLight, LightKind, LightPart};
 
 /// A delta light (point, spot or directional), added by [`Scene::with_light`](super::Scene::with_light).
 ///
@@ -75,28 +76,8 @@ impl fmt::Debug for Light {
     }
 }
 
-/// The kind of a light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum LightKind {
-    Point,
-    Spot,
-    Directional,
-}
-
-/// A parameter of a light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum LightPart {
-    Position,
-    Direction,
-    Intensity,
-    Irradiance,
-    Inner,
-    Outer,
-}
-
-impl LightPart {
-    /// The name in error messages and the range of values.
-    pub fn row(self) -> (&'static str, Range) {
+impl Row for LightPart {
+    fn row(self) -> (&'static str, Range) {
         match self {
             Self::Position => ("position", Range::Finite),
             Self::Direction => ("direction", Range::Finite),
@@ -251,19 +232,6 @@ impl Light {
         }
         Ok(host)
     }
-}
-
-/// A light on the host.
-pub(crate) struct HostLight {
-    pub kind: LightKind,
-    /// Scene units.
-    pub position: [f64; 3],
-    /// Of any length but 0.
-    pub direction: [f64; 3],
-    /// Intensity or irradiance.
-    pub strength: [f64; 3],
-    /// The inner and outer angle of a spot light, in radians.
-    pub angles: [f64; 2],
 }
 
 /// The lights of a scene as planes `[1, L]`, in the coordinates of the triangles.

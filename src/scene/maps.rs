@@ -2,9 +2,9 @@
 
 use burn::tensor::Tensor;
 
-use super::wrap::Wrap;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
+use crate::host::Wrap;
 
 /// A normal map: tilts of the shading normal over a surface.
 ///

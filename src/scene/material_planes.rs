@@ -2,12 +2,11 @@
 
 use burn::tensor::{Bool, Tensor};
 
-use super::bsdf::{CHANNELS, Channel};
-use super::material::MaterialKind;
 use super::parameter::without_tape;
 use super::texture::Value;
 use super::{Material, Parameter, Wrap};
 use crate::geometry::{Context, Vec3};
+use crate::host::{CHANNELS, Channel, MaterialKind};
 
 /// The location of a texture in the atlas.
 #[derive(Clone, Copy, Debug)]

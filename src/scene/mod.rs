@@ -11,7 +11,6 @@ mod debug;
 mod details;
 mod environment;
 mod flatten;
-mod holes;
 mod host;
 mod host_textures;
 mod lens;
@@ -34,37 +33,28 @@ mod texture;
 mod transfer;
 mod transform;
 mod viewpoint;
-mod wrap;
 
 pub(crate) use angles::{narrow_in_radians, warn_of_narrow_view, warn_of_radians};
-pub use bounds::Bounds;
 pub use bsdf::Bsdf;
-pub(crate) use bsdf::{BsdfKind, CHANNELS, Channel, MAX_IOR, MAX_METAL_IOR, MIN_CONTRAST, MIN_IOR};
-pub(crate) use camera::HostProjection;
 pub use camera::{Camera, Projection};
 pub(crate) use check::{check_devices, check_scene};
 pub use cornell::cornell_box;
 pub use corners::CornerAttribute;
 pub use environment::Environment;
 pub(crate) use flatten::{EnvironmentMap, Flattened, Normalization, SkyTensors};
-pub(crate) use holes::{Holes, OF_MASKED};
-pub(crate) use host::{HostAttribute, HostMaterial, HostObject, HostScene, SceneFrame};
-pub(crate) use host_textures::HostTexture;
 pub use lens::ThinLens;
 pub use light::Light;
-pub(crate) use light::{HostLight, LightKind, LightPart, LightPlanes};
+pub(crate) use light::LightPlanes;
 pub use list::List;
 pub use maps::{AlphaMask, NormalMap};
 pub use material::Material;
-pub(crate) use material::MaterialKind;
 pub(crate) use material_planes::ChannelPlanes;
 pub use mesh::Mesh;
 pub(crate) use mesh::{host_tensor, take_rows};
 pub use parameter::Parameter;
-pub(crate) use parameter::Range;
+pub(crate) use parameter::{Range, Row};
 pub(crate) use parameters::{
-    Collect, Detach, ParameterId, Replace, Visit, look_at_scene, visit_camera, visit_scene,
-    visit_tensors,
+    Collect, Detach, Replace, Visit, look_at_scene, visit_camera, visit_scene, visit_tensors,
 };
 pub use placement::Scale;
 #[cfg(feature = "gpu")]
@@ -74,11 +64,11 @@ pub(crate) use transfer::{Constants, Identity, Transfer, host_device};
 pub use transform::Transform;
 pub(crate) use viewpoint::Framing;
 pub use viewpoint::Matrix;
-pub use wrap::Wrap;
 
 use std::sync::Arc;
 
 use crate::error::{Error, Result, one_of};
+pub use crate::host::{Bounds, Wrap};
 
 /// A scene: objects, lights and an environment.
 #[derive(Clone)]

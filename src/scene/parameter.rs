@@ -90,6 +90,11 @@ pub(super) fn without_tape<const D: usize>(t: &Tensor<D>) -> Tensor<D> {
     }
 }
 
+/// A value's name in error messages and its range.
+pub(crate) trait Row {
+    fn row(self) -> (&'static str, Range);
+}
+
 /// The largest radiance, intensity or irradiance. Sums over an image's samples, their squares, and products with
 /// factors near a light then stay in the range of f32.
 pub(crate) const MAX_LIGHT: f64 = 1e15;

@@ -3,8 +3,8 @@
 use burn::tensor::Tensor;
 
 use super::Parameter;
-use super::wrap::Wrap;
 use crate::geometry::any_positive;
+use crate::host::Wrap;
 
 /// The value of what may have several forms: a parameter of a material, or an environment.
 pub(crate) enum Value<'a> {

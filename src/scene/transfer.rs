@@ -5,11 +5,12 @@ use std::collections::{HashMap, VecDeque};
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::parameters::{ParameterId, Visit, visit_camera, visit_scene};
+use super::parameters::{Visit, visit_camera, visit_scene};
 use super::{Camera, Scene};
 use crate::device::is_cpu;
 use crate::error::Result;
 use crate::geometry::{Context, detached};
+use crate::host::ParameterId;
 
 /// Distinguishes the tensors of a device while they are alive: memory, offset in it, and length.
 pub(crate) type Identity = [u64; 3];

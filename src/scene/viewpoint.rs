@@ -4,10 +4,12 @@ use burn::tensor::{Tensor, TensorData};
 use glam::{DMat3, DMat4, DVec3};
 
 use super::angles::warn_of_radians;
+use super::bounds::check_extent;
 use super::parameter::{Range, conversions};
-use super::{Bounds, Camera, Parameter, Projection, Scene};
+use super::{Camera, Parameter, Projection, Scene};
 use crate::error::{Error, Result};
 use crate::geometry::{host_values, sin_cos};
+use crate::host::Bounds;
 
 /// The margin that [`Camera::framing`] leaves around a scene, as a fraction of the image.
 const MARGIN: f64 = 0.05;
@@ -259,7 +261,7 @@ impl Framing {
     /// If the scene has no bounds, or all triangles are in one point.
     pub fn of(scene: &Scene) -> Result<Self> {
         let bounds = scene.bounds()?;
-        bounds.check_extent()?;
+        check_extent(&bounds)?;
         Ok(Self {
             bounds,
             points: scene.host_points()?,

@@ -13,10 +13,10 @@ use super::surface::SurfacePoints;
 use crate::accel::{Hierarchy, Hit, HitRay, NOTHING};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, host_vectors};
+use crate::host::Holes;
 use crate::model::cone::{Bend, bend, lifted, up_to_plane};
 use crate::model::{Four, V3};
 use crate::sampling::{Dimensions, Sampler};
-use crate::scene::Holes;
 
 /// Paths (pixel, sample) at a bounce, which are keys of random numbers.
 #[derive(Clone, Copy)]

@@ -10,12 +10,13 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached, gather_row, host_values, host_vectors};
+use crate::host::Channel;
 use crate::model::V3;
 use crate::model::delta_light::DeltaLight;
 use crate::model::sky::SkyDensity;
 use crate::model::texture::{Color, Texels, Texture};
 use crate::sampling::{Emitter, EmitterSampling, Emitters, Met, Receiver};
-use crate::scene::{Channel, EnvironmentMap, Flattened, LightPlanes, SkyTensors};
+use crate::scene::{EnvironmentMap, Flattened, LightPlanes, SkyTensors};
 
 /// The emitters of a scene, for lists of points.
 pub(crate) struct Lights {

@@ -8,8 +8,9 @@ use crate::geometry::{
     Context, Nearest, Triangles, Vec3, VertexData, detached, gather_row, host_values,
     nearest_on_triangle,
 };
+use crate::host::{BsdfKind, Channel, MaterialKind};
 use crate::model::texture::wrapped;
-use crate::scene::{BsdfKind, Channel, ChannelPlanes, Flattened, MaterialKind};
+use crate::scene::{ChannelPlanes, Flattened};
 
 /// Drawn surface points, in rows `[1, N]`.
 pub(crate) struct SurfacePoints {
@@ -23,7 +24,7 @@ pub(crate) struct SurfacePoints {
     pub normal: Vec3,
     /// Whether the two normals may differ.
     pub smooth: bool,
-    /// The BSDF parameters, each at its place ([`Channel::place`](crate::scene::Channel::place)).
+    /// The BSDF parameters, each at its place ([`Channel::place`](crate::host::Channel::place)).
     pub parameters: Vec<Vec3>,
     /// The microfacet models among the BSDFs.
     pub models: Vec<Model>,

@@ -26,13 +26,13 @@ use super::scene::SceneExpand;
 use super::scene::{FILTER, FOLLOWED, FOLLOWING, Scene};
 use super::sums::{Sums, add_to_camera};
 use super::surface::{Point, RayGradient};
+use crate::host::BsdfKind;
 use crate::model::bsdf::{Shading, ShadingGradient, Turning};
 use crate::model::camera::{Camera, CameraGradient, CameraRay};
 use crate::model::edge_weight::left_of_crease;
 use crate::model::filter::filter_at;
 use crate::model::lists::vector;
 use crate::model::{V2, V3, splat, v2, v3};
-use crate::scene::BsdfKind;
 
 /// The cosine to smooth normals below which rays follow the surface: wholly at 0. The lower one is for flat faces on the film,
 /// and for rays from glossy points, whose lobes are narrow.

@@ -6,10 +6,10 @@
 )]
 
 use crate::cube::*;
+use crate::host::Channel;
 use crate::model::lists::vector;
 use crate::model::triangle::{Plane, Triangle, plane_at, triangle_at};
 use crate::model::{V3, camera, splat};
-use crate::scene::Channel;
 
 use super::Features;
 #[cfg(feature = "gpu")]
@@ -123,7 +123,7 @@ lists! {
         /// Constants of each material, three numbers per channel.
         materials,
         texels,
-        /// [`OF_MASKED`](crate::scene::OF_MASKED) numbers per triangle with a mask: the texture coordinates of its
+        /// [`OF_MASKED`](crate::host::OF_MASKED) numbers per triangle with a mask: the texture coordinates of its
         /// corners, and the alpha below which it has a hole. Then the texels of the masks.
         masked_uvs,
         alphas,
@@ -247,7 +247,7 @@ pub(crate) const UV_ROWS: u32 = 2;
 pub(crate) const NORMAL_ROWS: u32 = 5;
 pub(crate) const TRIANGLE: u32 = 8;
 /// Number of channels of a material, and the index of emission among them.
-pub(crate) const CHANNELS: u32 = crate::scene::CHANNELS as u32;
+pub(crate) const CHANNELS: u32 = crate::host::CHANNELS as u32;
 pub(crate) const EMISSION: u32 = Channel::Emission.place() as u32;
 /// Offset of the normal map among a material's words.
 pub(crate) const NORMAL_MAP: u32 = 1 + 4 * CHANNELS;

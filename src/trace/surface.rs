@@ -6,12 +6,12 @@ use super::corners::facing;
 use super::parts::{COLORS, NORMALS, TANGENTS, TRIANGLES};
 use super::scene::{COMPENSATED, GLOSSY, LEAST_ROUGHNESS, REFLECTS, Scene, model_in};
 use super::sums::Sums;
+use crate::host::BsdfKind;
 use crate::model::bsdf::{Models, Shading, ShadingGradient};
 use crate::model::numbers::is_nonzero;
 use crate::model::triangle::{Plane, hit_backward};
 use crate::model::{Pair, V2, V3, splat, v2, v3};
 use crate::sampling::Receiver;
-use crate::scene::BsdfKind;
 
 /// A surface point that a ray hit.
 #[apply(zeroed!)]

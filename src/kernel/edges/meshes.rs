@@ -5,11 +5,10 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::{Edge, Edges, FACES, Kind};
-use crate::geometry::Weld;
+use crate::host::{HostObject, Weld};
 use crate::kernel::scene::KernelScene;
 use crate::model::V3;
 use crate::model::triangle::{self, AREA};
-use crate::scene::HostObject;
 use crate::trace::{NONE, NORMAL_ROWS, UV_ROWS};
 
 /// The jump of colors at a crease, divided by the difference of its normals (approximate).

@@ -16,9 +16,9 @@ use rayon::prelude::*;
 
 use super::gradient::Wanted;
 use super::scene::KernelScene;
+use crate::host::HostScene;
 use crate::model::V3;
 use crate::model::edge_weight::{BORDER, CLOSED, CROSSING, FOLD, FOLLOWED};
-use crate::scene::HostScene;
 use crate::trace::{OF_EDGE, Scene};
 #[cfg(feature = "gpu")]
 pub(crate) use blocks::Blocks;

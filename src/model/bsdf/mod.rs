@@ -24,7 +24,7 @@ mod tests;
 
 use super::{Pair, V3, splat};
 use crate::cube::*;
-use crate::scene::BsdfKind;
+use crate::host::BsdfKind;
 
 pub(crate) use albedo::{Fit, dielectric_facets, lost, mean_of_dielectric_facets};
 pub(crate) use glass_albedo::given_back;

@@ -56,7 +56,7 @@ macro_rules! models {
         mod is {
             use super::Shading;
             use crate::cube::*;
-            use crate::scene::BsdfKind;
+            use crate::host::BsdfKind;
 
             $(
                 #[cfg_attr(feature = "gpu", cube)]

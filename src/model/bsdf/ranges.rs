@@ -5,16 +5,16 @@
 use super::ShadingExpand;
 use super::{Shading, ShadingGradient};
 use crate::cube::*;
+use crate::host::{self, BsdfKind};
 use crate::model::{V3, splat, v3};
-use crate::scene::{self, BsdfKind};
 
 pub(super) const METALLIC: u32 = BsdfKind::MetallicRoughness as u32;
 pub(super) const CONDUCTOR: u32 = BsdfKind::Conductor as u32;
 
-const MAX_METAL_IOR: f32 = scene::MAX_METAL_IOR as f32;
-const MIN_IOR: f32 = scene::MIN_IOR as f32;
-const MAX_IOR: f32 = scene::MAX_IOR as f32;
-const MIN_CONTRAST: f32 = scene::MIN_CONTRAST as f32;
+const MAX_METAL_IOR: f32 = host::MAX_METAL_IOR as f32;
+const MIN_IOR: f32 = host::MIN_IOR as f32;
+const MAX_IOR: f32 = host::MAX_IOR as f32;
+const MIN_CONTRAST: f32 = host::MIN_CONTRAST as f32;
 
 /// Returns the derivative with respect to a clamped number: 0 outside [0, `most`].
 #[cfg_attr(feature = "gpu", cube)]

@@ -6,18 +6,18 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::{Camera as Model, Dual};
-use crate::error::Result;
+use crate::host::{Bounds, HostProjection, ParameterId, SceneFrame};
 use crate::model::{Pair, V3};
-use crate::scene::{Bounds, Camera, HostProjection, ParameterId, SceneFrame};
 
+/// A camera in scene units.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HostCamera {
-    eye: DVec3,
-    target: DVec3,
-    up: DVec3,
-    projection: HostProjection,
+    pub eye: DVec3,
+    pub target: DVec3,
+    pub up: DVec3,
+    pub projection: HostProjection,
     /// Aperture radius and focus distance, if rays need a lens point.
-    lens: Option<[f64; 2]>,
+    pub lens: Option<[f64; 2]>,
     /// Half the height of the view at distance 1.
     pub half_height: f64,
 }
@@ -33,26 +33,6 @@ struct Frame {
 }
 
 impl HostCamera {
-    /// Copies a validated camera's values to the host.
-    pub fn new(camera: &Camera) -> Result<Self> {
-        let lens = match &camera.lens {
-            Some(lens) if camera.has_lens() => {
-                let [aperture] = lens.aperture_radius.values()?;
-                let [focus] = lens.focus_distance.values()?;
-                Some([aperture, focus])
-            }
-            _ => None,
-        };
-        Ok(Self {
-            eye: camera.eye.values()?.into(),
-            target: camera.target.values()?.into(),
-            up: camera.up.values()?.into(),
-            projection: camera.projection.host()?,
-            lens,
-            half_height: camera.half_height()?,
-        })
-    }
-
     fn frame(&self, unit: f64, aspect: f64) -> Frame {
         let forward = (self.target - self.eye).normalize();
         let right = forward.cross(self.up.normalize()).normalize();

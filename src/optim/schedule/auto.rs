@@ -6,7 +6,7 @@ use super::BlurSchedule;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
 use crate::render::{RenderOptions, render};
-use crate::scene::{Bounds, Camera, Detach, HostScene, Normalization, Scene, visit_tensors};
+use crate::scene::{Bounds, Camera, Detach, Normalization, Scene, visit_tensors};
 
 /// The start of [`BlurSchedule::auto`], as a share of the radius of the smallest object.
 const START: f64 = 0.75;
@@ -82,8 +82,8 @@ impl View {
         let (mut scene, mut camera) = (scene.clone(), camera.clone());
         visit_tensors(&mut scene, &mut camera, &mut Detach);
         camera.lens = None;
-        let host = HostScene::new(&scene)?;
-        camera.check(Some(&host.context))?;
+        let (host, context) = scene.read_back()?;
+        camera.check(Some(&context))?;
         let radius = Normalization::new(&host).radius;
         let mut smallest = f64::INFINITY;
         for object in scene.objects.iter().filter(|o| !o.mesh.faces.is_empty()) {

@@ -25,8 +25,9 @@ use crate::error::Result;
 use crate::geometry::Context;
 #[cfg(feature = "gpu")]
 use crate::gpu::Job;
+use crate::host::ParameterId;
 use crate::kernel::View;
-use crate::scene::{Camera, ParameterId, Scene};
+use crate::scene::{Camera, Scene};
 use crate::tensors::Diagnostics;
 use crate::warnings::warning;
 use backward::Backward;

@@ -13,6 +13,7 @@ use crate::accel::Hierarchy;
 use crate::device::stage;
 use crate::error::Result;
 use crate::geometry::{Context, detached, host_values, now};
+use crate::host::{HostScene, ParameterId};
 use crate::kernel::{EdgeSets, KernelScene, View, ViewSettings, Wanted};
 use crate::model::camera::HostCamera;
 use crate::model::filter::Filters;
@@ -26,8 +27,7 @@ use crate::render::options::{RenderOptions, sampler};
 use crate::render::standing::Group;
 use crate::render::standing::{Places, TensorPlaces};
 use crate::scene::{
-    Camera, Collect, HostScene, Identity, ParameterId, Transfer, Visit, host_device, look_at_scene,
-    visit_camera,
+    Camera, Collect, Identity, Transfer, Visit, host_device, look_at_scene, visit_camera,
 };
 use crate::tensors::Visibility;
 
@@ -81,25 +81,28 @@ pub(in crate::render) async fn copy(
 }
 
 /// Reads and checks the scenes and cameras of a batch.
-fn read(batch: &Batch, last: &HierarchyCache) -> Result<(Vec<HostScene>, Vec<HostCamera>)> {
+fn read(
+    batch: &Batch,
+    last: &HierarchyCache,
+) -> Result<(Vec<HostScene>, Vec<HostCamera>, Context)> {
     let on_host = match &batch.on_host {
         Some(on_host) => on_host.clone(),
         None => now(copy(batch, last, async |tensor| host_values(&tensor)))?,
     };
-    let context = &on_host.context.clone();
+    let context = on_host.context.clone();
     let batch = on_host.batch(batch);
     let read = |index: usize| {
         let scene = batch.scene(index, false);
-        HostScene::read(&scene, context.clone()).map_err(in_batch("scene", index))
+        scene.host().map_err(in_batch("scene", index))
     };
     let hosts = (0..batch.scenes.len()).into_par_iter().map(read);
     let hosts = hosts.collect::<Result<Vec<_>>>()?;
     let camera = |(index, (_, camera)): (usize, &(usize, Camera))| {
-        let checked = camera.check(None).and_then(|()| HostCamera::new(camera));
+        let checked = camera.check(None).and_then(|()| camera.host());
         checked.map_err(in_batch("view", index))
     };
     let cameras = batch.views.iter().enumerate().map(camera);
-    Ok((hosts, cameras.collect::<Result<_>>()?))
+    Ok((hosts, cameras.collect::<Result<_>>()?, context))
 }
 
 /// The identity of a tensor on a GPU.
@@ -157,8 +160,7 @@ pub(super) fn prepare(
     // What is kept for a late step would keep the last lists from being reused.
     #[cfg(feature = "gpu")]
     drop(last.take_standing());
-    let (mut hosts, cameras) = stage("read and check", || read(batch, &last))?;
-    let context = hosts[0].context.clone();
+    let (mut hosts, cameras, context) = stage("read and check", || read(batch, &last))?;
     let lit = hosts.iter().all(HostScene::has_light);
     if interior && !options.quiet {
         stage("warnings", || {

@@ -15,9 +15,8 @@ use super::node::{Derivative, attach};
 use super::options::RenderOptions;
 use crate::error::Result;
 use crate::geometry::detached;
-use crate::scene::{
-    Camera, Collect, Detach, Flattened, HostScene, Normalization, Scene, SceneFrame, visit_tensors,
-};
+use crate::host::SceneFrame;
+use crate::scene::{Camera, Collect, Detach, Flattened, Normalization, Scene, visit_tensors};
 use renderer::{TensorRenderer, Traced};
 use replay::Replay;
 
@@ -70,8 +69,8 @@ fn render_view(
     }
     let (mut still, mut still_camera) = (scene.clone(), camera.clone());
     visit_tensors(&mut still, &mut still_camera, &mut Detach);
-    let host = HostScene::new(&still)?;
-    still_camera.check(Some(&host.context))?;
+    let (host, context) = still.read_back()?;
+    still_camera.check(Some(&context))?;
     let normalization = if !options.visibility.is_softmax() {
         // The same as in the kernels.
         let frame = SceneFrame::new(&host);
@@ -83,7 +82,7 @@ fn render_view(
         let given = options.normalization();
         given.unwrap_or_else(|| Normalization::new(&host))
     };
-    let flattened = Flattened::new(&still, &host, &still_camera, normalization)?;
+    let flattened = Flattened::new(&still, (&host, &context), &still_camera, normalization)?;
     let rays = pixels.clone();
     let renderer = TensorRenderer::new(&flattened, &still_camera, options, rays, None)?;
     let [tiles, replayed] = renderer.tiles()?;
@@ -97,6 +96,7 @@ fn render_view(
             options: options.clone(),
             normalization,
             host,
+            context,
             pixels,
             parameters: detached(&parameters),
             hierarchy: renderer.hierarchy(),

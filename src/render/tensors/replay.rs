@@ -10,16 +10,18 @@ use super::renderer::TensorRenderer;
 use crate::accel::Hierarchy;
 use crate::device::is_cpu;
 use crate::error::Result;
-use crate::geometry::host_values;
+use crate::geometry::{Context, host_values};
+use crate::host::HostScene;
 use crate::render::kernel;
 use crate::render::options::RenderOptions;
 use crate::render::tiles::Tile;
-use crate::scene::{Camera, Flattened, HostScene, Normalization, Replace, Scene, visit_tensors};
+use crate::scene::{Camera, Flattened, Normalization, Replace, Scene, visit_tensors};
 
 /// The backward pass of a view.
 pub(super) struct Replay {
     pub scene: Scene,
     pub host: HostScene,
+    pub context: Context,
     pub camera: Camera,
     pub options: RenderOptions,
     pub normalization: Normalization,
@@ -59,7 +61,12 @@ impl Replay {
         let per_sample = f64::from(self.options.samples).recip();
         let of_tile = |tile: &Tile| -> Result<Vec<f64>> {
             let (leaf, scene, camera) = self.anew();
-            let flattened = Flattened::new(&scene, &self.host, &camera, self.normalization)?;
+            let flattened = Flattened::new(
+                &scene,
+                (&self.host, &self.context),
+                &camera,
+                self.normalization,
+            )?;
             let (pixels_of, hierarchy) = (self.pixels.clone(), self.hierarchy.clone());
             let renderer =
                 TensorRenderer::new(&flattened, &camera, &self.options, pixels_of, hierarchy)?;

@@ -1,8 +1,8 @@
 //! Tests of the probabilities of emitters.
 
 use super::*;
+use crate::host::LightKind;
 use crate::model::v3;
-use crate::scene::LightKind;
 
 /// Emitters are drawn with their probabilities, which add up to 1, and the rest of the random number is uniform.
 #[test]

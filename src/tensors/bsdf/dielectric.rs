@@ -6,8 +6,8 @@ use super::facets::{Facets, clamped, fitted};
 use super::{Drawn, Numbers, TensorBsdf, cosine};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
+use crate::host::{MAX_IOR, MIN_CONTRAST, MIN_IOR};
 use crate::model::bsdf::{UPRIGHT, given_back};
-use crate::scene::{MAX_IOR, MIN_CONTRAST, MIN_IOR};
 use crate::tensors::surface::{Model, SurfacePoints};
 
 /// Returns the fraction of light that is reflected on its way from the side of index 1 to the side of index η.

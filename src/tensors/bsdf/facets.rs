@@ -7,8 +7,8 @@ use burn::tensor::Tensor;
 
 use super::{Numbers, frame, from_frame};
 use crate::geometry::{Context, Vec3, detached, host_values};
+use crate::host::MaterialKind;
 use crate::model::bsdf::Fit;
-use crate::scene::MaterialKind;
 use crate::tensors::surface::{Model, SurfacePoints};
 
 /// The least α.

@@ -8,8 +8,8 @@ use super::facets::{Facets, clamped, fitted};
 use super::{Drawn, Numbers, TensorBsdf, cosine};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
+use crate::host::{BsdfKind, MAX_METAL_IOR};
 use crate::model::bsdf::{DIELECTRIC_F0, Fit, dielectric_facets, lost, mean_of_dielectric_facets};
-use crate::scene::{BsdfKind, MAX_METAL_IOR};
 use crate::tensors::surface::{Model, SurfacePoints};
 
 /// The least probability of each lobe if there are two.

@@ -34,7 +34,7 @@ pub(crate) const OF_MASKED: usize = 7;
 impl Holes {
     /// Collects the holes of faces, given the masks of all materials. Each face has the index of its material, and
     /// texture coordinates if its mesh has any. Returns None if no face has a mask.
-    pub(super) fn new(
+    pub fn new(
         faces: impl Iterator<Item = (usize, Option<[[f32; 2]; 3]>)>,
         of_materials: Vec<Option<Mask>>,
     ) -> Option<Self> {
