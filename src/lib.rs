@@ -65,9 +65,7 @@ mod recipes {
     struct Environment;
 }
 
-mod accel;
 pub mod atlas;
-mod cube;
 mod debug;
 pub mod device;
 pub mod error;
@@ -77,12 +75,8 @@ mod geometry;
 #[cfg(feature = "gpu")]
 mod gpu;
 pub mod gradcheck;
-mod host;
 pub mod io;
-mod kernel;
-mod lanes;
 pub mod meshing;
-mod model;
 pub mod modules;
 pub mod optim;
 #[cfg(all(feature = "photographs", not(target_family = "wasm")))]
@@ -90,17 +84,15 @@ pub mod photographs;
 #[cfg(feature = "remote")]
 pub mod remote;
 pub mod render;
-mod sampling;
 pub mod scene;
 mod tensors;
-mod trace;
-mod warnings;
 
 /// The burn that this crate is built with, so that a program's tensors are of the same one.
 pub use burn;
 pub use error::{Error, Result};
 pub use optim::loss;
-pub use warnings::show_warnings;
+#[doc(inline)]
+pub use softray_kernels::warnings::show_warnings;
 
 /// The names that most programs need.
 pub mod prelude {

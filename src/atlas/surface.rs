@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::host::Weld;
+use softray_kernels::host::Weld;
 
 /// In place of a face where there is none.
 pub(super) const NONE: u32 = u32::MAX;

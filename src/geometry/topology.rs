@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::host::Weld;
+use softray_kernels::host::Weld;
 
 /// The connectivity of triangles, on the host: neighbors, objects, closed surfaces.
 #[derive(Clone, Debug, Default)]

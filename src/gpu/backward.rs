@@ -1,6 +1,6 @@
 //! The backward pass along a path that stored records, in a thread of a GPU.
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::camera::{Beginning, begin, camera};
 use super::hit::Memory;
@@ -9,14 +9,14 @@ use super::records::{
     ESCAPED, MAX_BIT_ALONG, OF_BITS, OF_SURVIVAL, Room, SAW_ALONG, SAW_EMITTER, SAW_MAP,
     SAW_MAP_ALONG, WENT_ON,
 };
-use crate::model::bsdf::Scatter;
-use crate::model::camera::CameraGradient;
-use crate::model::cone::bend;
-use crate::model::connection::Target;
-use crate::model::numbers::is_nonzero;
-use crate::model::{Four, V3, splat};
-use crate::sampling::EmitterPlace;
-use crate::trace::{
+use softray_kernels::model::bsdf::Scatter;
+use softray_kernels::model::camera::CameraGradient;
+use softray_kernels::model::cone::bend;
+use softray_kernels::model::connection::Target;
+use softray_kernels::model::numbers::is_nonzero;
+use softray_kernels::model::{Four, V3, splat};
+use softray_kernels::sampling::EmitterPlace;
+use softray_kernels::trace::{
     Arrived, CONE, FilmSlopes, NONE, Point, PointGradient, RayGradient, Scene, Seen, Sums,
     add_to_camera, emitters_of, follow_backward, follow_on_film, leave_backward, light_backward,
     map_backward, map_of, middle_of, point_backward, receiver_of, seen_backward, sky_backward,

@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use burn::backend::StreamId;
 use burn::tensor::Device;
 
-use crate::accel::Parts;
-use crate::cube::*;
+use softray_kernels::accel::Parts;
+use softray_kernels::cube::*;
 
 use super::device::{List, launch};
 use super::made::make_lists;

@@ -1,12 +1,12 @@
 //! The beginning of a path: its random numbers and its camera ray.
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
-use crate::model::Four;
-use crate::model::camera::{Camera, CameraRay, camera_at};
-use crate::model::filter::sample_filter;
-use crate::sampling::{Dimensions, Stream};
-use crate::trace::{Exposure, OF_CONES, OF_PATHS, Scene, exposure, middle_of, sampler};
+use softray_kernels::model::Four;
+use softray_kernels::model::camera::{Camera, CameraRay, camera_at};
+use softray_kernels::model::filter::sample_filter;
+use softray_kernels::sampling::{Dimensions, Stream};
+use softray_kernels::trace::{Exposure, OF_CONES, OF_PATHS, Scene, exposure, middle_of, sampler};
 
 #[cube]
 pub(super) fn camera(scene: &Scene) -> Camera {

@@ -5,7 +5,7 @@ use burn::backend::tensor::{FloatTensor, IntTensor};
 use burn::backend::{Backend, Cube, Dispatch, backend_extension};
 use burn::tensor::{DType, Device, Int, Tensor};
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::device::{floats, int_zeros, launch};
 use super::hit::Memory;
@@ -13,9 +13,9 @@ use super::job::{Job, PATHS, Paths};
 use super::path::light_of_pixel;
 use crate::device::count_read_back;
 use crate::error::{Error, Result};
-use crate::kernel::RayCounts;
-use crate::model::integers::total;
-use crate::trace::BOUNCES;
+use softray_kernels::kernel::RayCounts;
+use softray_kernels::model::integers::total;
+use softray_kernels::trace::BOUNCES;
 
 /// Adds to a 64-bit count, which is stored in two words.
 #[cube]

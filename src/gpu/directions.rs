@@ -4,7 +4,7 @@ use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Cube, Dispatch, backend_extension};
 use burn::tensor::{DType, Device, Shape, Tensor};
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::device::{floats, launch, without_backtrace, zeros};
 use super::film::Films;
@@ -15,7 +15,7 @@ use super::placed::ViewPlaces;
 use super::sums::Replicas;
 use crate::device::label;
 use crate::error::{Error, Result};
-use crate::trace::SumTangents;
+use softray_kernels::trace::SumTangents;
 
 /// Writes the derivatives `[K, P, C]` of pixels from their sums, one thread per derivative.
 #[cube(launch)]

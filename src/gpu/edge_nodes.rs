@@ -2,11 +2,11 @@
 //! one thread.
 
 use super::vertices::{BOUNDED, LEAVES, PartsAt, read, write};
-use crate::accel::LANES;
-use crate::cube::*;
-use crate::kernel::{Bounds, LEAF, NODE, put_subtree};
-use crate::model::edge_weight::Jumps;
-use crate::trace::{HEADER, HeaderWord, NONE};
+use softray_kernels::accel::LANES;
+use softray_kernels::cube::*;
+use softray_kernels::kernel::{Bounds, LEAF, NODE, put_subtree};
+use softray_kernels::model::edge_weight::Jumps;
+use softray_kernels::trace::{HEADER, HeaderWord, NONE};
 
 /// The number of numbers of bounds: corners of the box, sum of normals, sine, jumps, number of folds.
 pub(super) const BOUNDS: u32 = 17;

@@ -1,7 +1,7 @@
 //! Jumps of the image at edges that the camera sees: the table of the films of views, the pieces of edges on them, and
 //! the kernel that samples them, with one thread per sample.
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::camera::{Beginning, camera};
 use super::hit::{Memory, Ray, trace};
@@ -10,13 +10,13 @@ use super::jumps::light_beside;
 use super::loss::Loss;
 use super::placed::ViewPlaces;
 use super::sums::{Adding, of_channel};
-use crate::model::camera::{Camera, CameraRay};
-use crate::model::choice::is_positive;
-use crate::model::film::{BLOCK, DrawnPiece, cell_at, draw_piece, samples_of_film};
-use crate::model::numbers::is_nonzero;
-use crate::model::segment::OnSegment;
-use crate::sampling::{Dimensions, LENGTH};
-use crate::trace::{
+use softray_kernels::model::camera::{Camera, CameraRay};
+use softray_kernels::model::choice::is_positive;
+use softray_kernels::model::film::{BLOCK, DrawnPiece, cell_at, draw_piece, samples_of_film};
+use softray_kernels::model::numbers::is_nonzero;
+use softray_kernels::model::segment::OnSegment;
+use softray_kernels::sampling::{Dimensions, LENGTH};
+use softray_kernels::trace::{
     Exposure, FilmPiece, FilmPoint, HEADER, HeaderWord, NO_PIXEL, NONE, OF_CONES, OF_SLOT, ON_FILM,
     Scene, Seen, Sums, exposure, film_point, hides, piece_of_slot, sampler,
 };

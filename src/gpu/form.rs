@@ -8,7 +8,7 @@ use super::job::Job;
 use super::sums::{AddingLaunch, ReplicasLaunch, typical};
 use crate::device::label;
 use crate::error::{Error, Result};
-use crate::trace::{Derivatives, MEASURE, PARTS};
+use softray_kernels::trace::{Derivatives, MEASURE, PARTS};
 
 /// Approximate maximum number of sums in all replicas together.
 const REPLICATED: usize = 1 << 16;

@@ -1,7 +1,7 @@
 //! The light that arrives at a point of a path directly: connections to emitters and to the environment map, and their
 //! shadow rays.
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::camera::Beginning;
 use super::hit::{Memory, Ray, trace};
@@ -10,9 +10,9 @@ use super::walk::{
     DONE, PathLight, PathVertex, ShadowRay, TO_EMITTER, TO_EMITTERS_ALONG, TO_MAP, TO_MAP_ALONG,
     Walk, has_emitters_along, may_look_along,
 };
-use crate::model::connection::{ConeKernel, Target};
-use crate::sampling::EmitterPlace;
-use crate::trace::{
+use softray_kernels::model::connection::{ConeKernel, Target};
+use softray_kernels::sampling::EmitterPlace;
+use softray_kernels::trace::{
     CONE, Faces, NONE, Scene, emitters_of, limited, map_of, radiance_of, receiver_of, sky,
     target_of,
 };

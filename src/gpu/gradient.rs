@@ -2,15 +2,15 @@
 
 use std::ops::Range;
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::job::Views;
 use super::placed::{TensorPlaces, ViewPlaces};
 use super::sums::{Places, Replicas};
-use crate::host::ParameterId;
-use crate::kernel::{Rows, View};
-use crate::model::{V3, component, splat, v3};
-use crate::trace::{
+use softray_kernels::host::ParameterId;
+use softray_kernels::kernel::{Rows, View};
+use softray_kernels::model::{V3, component, splat, v3};
+use softray_kernels::trace::{
     AREAS, CAMERAS, LIGHTS, OF_CAMERA, OF_LIGHT, PARTS, Scene, TRIANGLES, VERTICES,
 };
 

@@ -1,11 +1,11 @@
 //! Traversal of the BVH for rays: the nearest hit, or any hit. It uses the same tests as `accel/hits`, for one
 //! triangle at a time.
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
-use crate::accel::{CHILD, Hit, LEAF, OTHERS, ROUNDING, hit_stride};
-use crate::model::{Four, V3, v3};
-use crate::trace::{Faces, NONE, Scene, four, start_of};
+use softray_kernels::accel::{CHILD, Hit, LEAF, OTHERS, ROUNDING, hit_stride};
+use softray_kernels::model::{Four, V3, v3};
+use softray_kernels::trace::{Faces, NONE, Scene, four, start_of};
 
 /// Marks the end of the stack: no child.
 const END: u32 = LEAF;

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::device::List;
 use super::packed::Packed;
-use crate::trace::{Features, Fours, HeaderWord, Scene};
+use softray_kernels::trace::{Features, Fours, HeaderWord, Scene};
 
 /// The requested rows of an image beside radiance.
 #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]

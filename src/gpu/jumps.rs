@@ -1,7 +1,7 @@
 //! Jumps of the light that arrives at a point of a path, in a thread of a GPU. The light beside edges comes from
 //! paths that start on both sides: on the faces of the edge, or on the surface behind it.
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::camera::Beginning;
 use super::hit::{Memory, Ray, trace};
@@ -12,14 +12,14 @@ use super::path::light_of;
 use super::records::Room;
 use super::sums::of_channel;
 use super::walk::Start;
-use crate::accel::Hit;
-use crate::kernel::{Blocks, DrawnEdge, NO_EDGE, Root, draw_edge};
-use crate::model::bsdf::normals_differ;
-use crate::model::choice::decided_by;
-use crate::model::jumps::{SEARCH_SETS, mean_searches, most_searches, usual_searches};
-use crate::model::{Four, Pair};
-use crate::sampling::{Dimensions, Stream};
-use crate::trace::{
+use softray_kernels::accel::Hit;
+use softray_kernels::kernel::{Blocks, DrawnEdge, NO_EDGE, Root, draw_edge};
+use softray_kernels::model::bsdf::normals_differ;
+use softray_kernels::model::choice::decided_by;
+use softray_kernels::model::jumps::{SEARCH_SETS, mean_searches, most_searches, usual_searches};
+use softray_kernels::model::{Four, Pair};
+use softray_kernels::sampling::{Dimensions, Stream};
+use softray_kernels::trace::{
     Approach, EdgeView, Jump, LightBeside, NONE, OF_EDGES, OF_SIDES, Observer, PointGradient,
     Scene, Search, Seen, Sums, beside, edge_point, edge_view, hides, is_crease, jump_at,
     looks_for_edges, point_at, reflected_backward, sampler, search, shadow_backward, sky, start_of,

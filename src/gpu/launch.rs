@@ -4,7 +4,7 @@ use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Cube, Dispatch, backend_extension};
 use burn::tensor::{DType, Device, Shape, Tensor};
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::device::{List, floats, launch, without_backtrace, zeros};
 use super::hit::Memory;
@@ -13,7 +13,7 @@ use super::path::light_of_pixel;
 use super::walk::PathLight;
 use crate::device::label;
 use crate::error::{Error, Result};
-use crate::trace::{NONE, Scene, UNIT};
+use softray_kernels::trace::{NONE, Scene, UNIT};
 
 /// Adds the result of a path, times a factor, to a row of an image.
 #[cube]

@@ -20,8 +20,8 @@ use super::records::{JUMPED, OF_PATH, RECORD};
 use super::searches::{add_before, blocks_of, in_order, words_of_order};
 use super::sums::{AddingLaunch, MORE, OF_THREAD, add_replicas, bits_of_each, choose_scales};
 use crate::device::{self, label};
-use crate::model::film::CELL;
-use crate::trace::{BOUNCES, Features};
+use softray_kernels::model::film::CELL;
+use softray_kernels::trace::{BOUNCES, Features};
 
 /// Approximate minimum number of pixels, and of film samples, in the measurement of derivatives.
 const MEASURED: usize = 1024;

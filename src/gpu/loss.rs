@@ -1,12 +1,12 @@
 //! The upstream gradient of a backward pass.
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::job::Outputs;
 use super::sums::{Adding, typical};
-use crate::model::jumps::counts_of;
-use crate::model::{V3, v3};
-use crate::trace::{Scene, Seen, Sums, UNIT};
+use softray_kernels::model::jumps::counts_of;
+use softray_kernels::model::{V3, v3};
+use softray_kernels::trace::{Scene, Seen, Sums, UNIT};
 
 /// The derivatives of the loss with respect to the rows of an image, and the scales of sums.
 #[apply(argument!)]

@@ -4,13 +4,13 @@
 use super::edge_nodes::{EdgeTreeAt, edge_tree_at};
 use super::nodes::{make_part, tree_at};
 use super::vertices::{At, LEAVES, OF_SCENE, between, lists_at, read, velocity, vertex, write};
-use crate::accel::{LANES, ROUNDING, hit_stride};
-use crate::cube::*;
-use crate::kernel::{Bounds, LEAF, put_edge};
-use crate::model::edge_weight::{Jumps, SeenEdge};
-use crate::model::triangle::{NUMBERS, has_area};
-use crate::model::{V3, splat, v3};
-use crate::trace::{HEADER, HeaderWord, NONE, OF_EDGE, ROWS_OF_EDGE};
+use softray_kernels::accel::{LANES, ROUNDING, hit_stride};
+use softray_kernels::cube::*;
+use softray_kernels::kernel::{Bounds, LEAF, put_edge};
+use softray_kernels::model::edge_weight::{Jumps, SeenEdge};
+use softray_kernels::model::triangle::{NUMBERS, has_area};
+use softray_kernels::model::{V3, splat, v3};
+use softray_kernels::trace::{HEADER, HeaderWord, NONE, OF_EDGE, ROWS_OF_EDGE};
 
 /// A triangle, computed from its vertices.
 #[apply(record!)]
@@ -65,7 +65,7 @@ fn face(floats: &mut [f32], words: &[u32], at: At, triangle: u32) -> Face {
     }
 }
 
-/// Writes a triangle for paths ([`Triangle`](crate::model::triangle::Triangle)).
+/// Writes a triangle for paths ([`Triangle`](softray_kernels::model::triangle::Triangle)).
 #[cube]
 fn make_surface(floats: &mut [f32], to: u32, f: &Face) {
     write(floats, to, f.a);

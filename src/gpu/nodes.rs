@@ -7,10 +7,10 @@ use super::vertices::{
     At, CHILDREN_AT, EDGE_PARTS, OF_SCENE, PartsAt, TRIANGLE_PARTS, lists_at, parts_at, velocity,
     vertex,
 };
-use crate::accel::{CHILD, CHILDREN, LEAF, OF_NODE, OTHERS, ROUNDING};
-use crate::cube::*;
-use crate::model::{V3, splat, v3};
-use crate::trace::{HEADER, HeaderWord, NONE};
+use softray_kernels::accel::{CHILD, CHILDREN, LEAF, OF_NODE, OTHERS, ROUNDING};
+use softray_kernels::cube::*;
+use softray_kernels::model::{V3, splat, v3};
+use softray_kernels::trace::{HEADER, HeaderWord, NONE};
 
 /// The starts of a tree's lists in the buffers.
 #[derive(CubeType, Clone, Copy)]

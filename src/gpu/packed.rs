@@ -12,11 +12,11 @@ use super::edge_nodes::BOUNDS;
 use super::placed::{Row, ViewPlaces};
 use super::plan::Plan;
 use super::sums::Places;
-use crate::accel::{GpuTree, LANES, OF_NODE, Parts, hit_stride};
 use crate::device::stage;
-use crate::kernel::{LEAF, NODE, TreeShape, View};
-use crate::model::triangle::NUMBERS;
-use crate::trace::{Derivatives, Features, HEADER, HeaderWord, OF_SLOT, Scene};
+use softray_kernels::accel::{GpuTree, LANES, OF_NODE, Parts, hit_stride};
+use softray_kernels::kernel::{LEAF, NODE, TreeShape, View};
+use softray_kernels::model::triangle::NUMBERS;
+use softray_kernels::trace::{Derivatives, Features, HEADER, HeaderWord, OF_SLOT, Scene};
 
 /// Number of words of a tree over edges in [`Scene::edge_trees`]: the starts of its leaves and of their edges, the child
 /// at which a draw starts, and the number of children at which it starts.

@@ -2,7 +2,7 @@
 //! points that make searches for edges. Last, the backward pass runs along each path. Separate kernels are small, and
 //! the points of one path are computed by separate threads.
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::backward::path_backward;
 use super::camera::{begin, camera};
@@ -15,9 +15,9 @@ use super::records::{OF_TRIANGLE, Room};
 use super::searches::{Order, count_searches};
 use super::sums::{Adding, of_channel};
 use super::walk::Start;
-use crate::model::numbers::is_nonzero;
-use crate::model::v2;
-use crate::trace::{
+use softray_kernels::model::numbers::is_nonzero;
+use softray_kernels::model::v2;
+use softray_kernels::trace::{
     Derivatives, FilmSlopes, NONE, Observer, Scene, Seen, middle_of, pixels_around,
 };
 

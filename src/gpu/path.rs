@@ -3,16 +3,16 @@
 //! Each turn of the loop traces the ray to the next point, connects the point to lights by shadow rays, and makes the
 //! bounce ray. So a point is not kept from one turn to the next.
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::camera::{Beginning, begin};
 use super::gather::gather;
 use super::hit::{Memory, trace};
 use super::records::{Arrival, ESCAPED, OF_BITS, OF_SURVIVAL, Room, SAW_MAP_ALONG, WENT_ON};
 use super::walk::{PathLight, PathVertex, Start, Walk, may_look_along};
-use crate::accel::Hit;
-use crate::model::{splat, v2};
-use crate::trace::{Faces, NONE, Scene, emitted, leave, limited, point_at, sky};
+use softray_kernels::accel::Hit;
+use softray_kernels::model::{splat, v2};
+use softray_kernels::trace::{Faces, NONE, Scene, emitted, leave, limited, point_at, sky};
 
 #[cube]
 pub(super) fn light_of_pixel(

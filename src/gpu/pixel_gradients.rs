@@ -1,7 +1,7 @@
 //! Determines how much the loss depends on the pixels of views, and so where edges are sampled on their films,
 //! without read-backs.
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::device::{List, launch};
 use super::film::{
@@ -12,10 +12,10 @@ use super::job::Views;
 use super::launch_backward::Pass;
 use super::loss::Loss;
 use super::sums::typical;
-use crate::model::choice::is_positive;
-use crate::model::film::{BLOCK, CELL, NEIGHBORS, samples_of_film};
-use crate::model::numbers::{is_finite, is_nonzero};
-use crate::trace::{Features, HeaderWord, NONE};
+use softray_kernels::model::choice::is_positive;
+use softray_kernels::model::film::{BLOCK, CELL, NEIGHBORS, samples_of_film};
+use softray_kernels::model::numbers::{is_finite, is_nonzero};
+use softray_kernels::trace::{Features, HeaderWord, NONE};
 
 impl Pass<'_> {
     /// Determines how much the loss depends on pixels. It makes the pieces of edges on films, completes the table of

@@ -15,17 +15,17 @@ use burn::cubecl::future::block_on;
 use burn::tensor::Tensor;
 use glam::DVec3;
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::device::{List, floats, launch};
 use crate::geometry::detached;
-use crate::host::{CHANNELS, Channel, LightPart, ParameterId};
-use crate::kernel::{KernelScene, View};
-use crate::model::delta_light::{OF_LIGHT, OF_STRENGTH};
-use crate::model::numbers::{is_finite, magnitude};
-use crate::model::texture::Texture;
-use crate::model::triangle::AREA;
-use crate::trace::{HEADER, HeaderWord};
+use softray_kernels::host::{CHANNELS, Channel, LightPart, ParameterId};
+use softray_kernels::kernel::{KernelScene, View};
+use softray_kernels::model::delta_light::{OF_LIGHT, OF_STRENGTH};
+use softray_kernels::model::numbers::{is_finite, magnitude};
+use softray_kernels::model::texture::Texture;
+use softray_kernels::model::triangle::AREA;
+use softray_kernels::trace::{HEADER, HeaderWord};
 
 /// The ranges of a view's tensors in the row, and in its gradient.
 pub(crate) type TensorPlaces<'a> = &'a [(ParameterId, Range<usize>)];

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 /// Number of words in a block.
 pub(super) const BLOCK: usize = 1024;

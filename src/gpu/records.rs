@@ -1,9 +1,9 @@
 //! Records that a path stores for its backward pass.
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
-use crate::model::{V3, v3};
-use crate::trace::{Point, PointGradient, Scene, point_at};
+use softray_kernels::model::{V3, v3};
+use softray_kernels::trace::{Point, PointGradient, Scene, point_at};
 
 /// Number of words in the record of a path's point: the arrival ([`Arrival`]), the bits of visible lights, and the
 /// probability with which the path continued.

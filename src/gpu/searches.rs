@@ -1,15 +1,15 @@
 //! Searches for edges by points of paths, and the order of points by the number of their searches. With this order,
 //! threads of a warp make equally many searches and do not wait for each other.
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::device::GROUP;
 use super::job::{Outputs, PathAt};
 use super::jumps::{Searches, searches_of};
 use super::loss::Loss;
 use super::records::Room;
-use crate::sampling::Stream;
-use crate::trace::{NONE, OF_EDGES, PointGradient, REFLECTS, Scene, sampler};
+use softray_kernels::sampling::Stream;
+use softray_kernels::trace::{NONE, OF_EDGES, PointGradient, REFLECTS, Scene, sampler};
 
 /// Returns the number of searches that a point of a path makes.
 #[cube]

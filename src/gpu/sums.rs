@@ -2,13 +2,13 @@
 
 use std::collections::HashMap;
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
-use crate::kernel::View;
-use crate::model::choice::INFINITY;
-use crate::model::integers::total;
-use crate::model::numbers::not_a_number;
-use crate::trace::{
+use softray_kernels::kernel::View;
+use softray_kernels::model::choice::INFINITY;
+use softray_kernels::model::integers::total;
+use softray_kernels::model::numbers::not_a_number;
+use softray_kernels::trace::{
     Along, CAMERAS, Derivatives, MIN_LIMIT, OF_CAMERA, PARTS, Pairs, Scene, Sums, Totals, carry,
     is_marked, sums_of,
 };

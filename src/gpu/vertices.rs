@@ -1,14 +1,14 @@
 //! The table of the scenes whose lists the device makes, and the vertices that these lists are made from.
 
-use crate::cube::*;
-use crate::model::{V3, splat, v3};
-use crate::trace::{HEADER, HeaderWord, NONE, TRIANGLE};
+use softray_kernels::cube::*;
+use softray_kernels::model::{V3, splat, v3};
+use softray_kernels::trace::{HEADER, HeaderWord, NONE, TRIANGLE};
 
 /// Number of words of a scene in the table: its first thread, the view whose header stores where its lists begin, and
 /// the numbers of triangles, triangles for rays, edges, edges of meshes among these, leaves of trees over edges, those
 /// below nodes among these, and parts of the first level of the tree over triangles. Then come the start of this tree's
 /// children, and the parts of this tree and of the tree over edges: where their nodes, starts and levels begin, and the
-/// number of levels ([`Parts`](crate::accel::Parts)).
+/// number of levels ([`Parts`](softray_kernels::accel::Parts)).
 pub(super) const OF_SCENE: usize = 18;
 /// The places of some of these words: both numbers of leaves, the start of the children, and both parts.
 pub(super) const LEAVES: usize = 6;

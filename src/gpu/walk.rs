@@ -1,12 +1,12 @@
 //! The state of a path in a thread: its start, its ray and its point, and its result.
 
-use crate::cube::*;
+use softray_kernels::cube::*;
 
 use super::hit::Ray;
 use super::records::{MAX_BIT_ALONG, SAW_EMITTER, SAW_MAP, SAW_MAP_ALONG};
-use crate::model::bsdf::Scatter;
-use crate::model::{Four, Pair, V2, V3};
-use crate::trace::{Beside, Features, Point, Scene, Seen, albedo_of};
+use softray_kernels::model::bsdf::Scatter;
+use softray_kernels::model::{Four, Pair, V2, V3};
+use softray_kernels::trace::{Beside, Features, Point, Scene, Seen, albedo_of};
 
 /// The lights to which a point is connected, one after another: a sampled emitter, all emitters along the sampled BSDF
 /// direction, a sampled direction of the environment map, and the map along the BSDF direction.
@@ -51,7 +51,7 @@ impl PathLight {
 pub(super) struct Start {
     pub at: Beside,
     pub bounce: u32,
-    /// The normals about which directions are sampled, if `paired` ([`Shading`](crate::model::bsdf::Shading)).
+    /// The normals about which directions are sampled, if `paired` ([`Shading`](softray_kernels::model::bsdf::Shading)).
     pub pair: Pair,
     pub paired: bool,
     pub mirrored: bool,

@@ -11,9 +11,9 @@ use super::settings::{GradCheck, Objective};
 use crate::device::is_cpu;
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
-use crate::model::integers::mix;
 use crate::render::{RenderOptions, render};
 use crate::scene::{Camera, Scene};
+use softray_kernels::model::integers::mix;
 
 /// A direction along which a parameter is differentiated.
 pub(super) struct Direction {

@@ -10,7 +10,7 @@ use super::textures::Textures;
 use crate::error::Result;
 use crate::geometry::host_values;
 use crate::scene::{AlphaMask, ColorTexture, Material, NormalMap, ScalarTexture, Wrap};
-use crate::warnings::warning;
+use softray_kernels::warning;
 
 /// The channels of an image of metal and roughness.
 const ROUGHNESS: usize = 1;

@@ -10,9 +10,9 @@ use super::HostImage;
 use super::srgb::{srgb_byte, srgb_word};
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
-use crate::model::texture::Texture;
 use crate::scene::Wrap;
-use crate::warnings::warning;
+use softray_kernels::model::texture::Texture;
+use softray_kernels::warning;
 
 /// A texture on the host.
 pub(super) struct Texels {

@@ -6,9 +6,9 @@ use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 
 use crate::error::Result;
-use crate::host::LightKind;
 use crate::scene::Light;
-use crate::warnings::warning;
+use softray_kernels::host::LightKind;
+use softray_kernels::warning;
 
 /// Returns the JSON of a light and of the node that places it. The caller adds the light's index to the node.
 pub(super) fn light(light: &Light, name: &str, path: &Path) -> Result<[Value; 2]> {

@@ -11,11 +11,11 @@ use super::gltf_images::{Picture, Texels};
 use super::gltf_lights::scale_above;
 use crate::error::Result;
 use crate::geometry::host_values;
-use crate::host::BsdfKind;
 use crate::scene::{
     AlphaMask, Bsdf, ColorTexture, Material, NormalMap, Parameter, ScalarTexture, Wrap,
 };
-use crate::warnings::warning;
+use softray_kernels::host::BsdfKind;
+use softray_kernels::warning;
 
 /// The lists of a file that its materials are in.
 pub(super) struct Materials<'a> {

@@ -10,7 +10,7 @@ use super::HostImage;
 use super::whole::Part;
 use crate::error::Result;
 use crate::scene::{ColorTexture, Material, Parameter, Wrap};
-use crate::warnings::warning;
+use softray_kernels::warning;
 
 /// Characters of a material's name in a file's name.
 const NAME_IN_FILE: usize = 48;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::LoadLimits;
 use crate::error::{Error, Result};
-use crate::warnings::warn;
+use softray_kernels::warnings::warn;
 
 /// The most names that [`Notes::add`] lists in a warning.
 const MAX_NAMES: usize = 5;

@@ -10,7 +10,7 @@ use super::whole::{Part, write_whole};
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
 use crate::scene::{CornerAttribute, Mesh, Scene};
-use crate::warnings::warning;
+use softray_kernels::warning;
 
 /// Writes a mesh.
 pub(super) fn mesh(mesh: &Mesh, path: &Path) -> Result<()> {

@@ -10,7 +10,7 @@ use super::srgb::{srgb_byte, srgb_table};
 use super::whole::write_whole;
 use crate::error::{Error, Result};
 use crate::scene::{ColorTexture, Material, Mesh, Scene};
-use crate::warnings::warning;
+use softray_kernels::warning;
 
 /// Writes a mesh.
 pub(super) fn mesh(mesh: &Mesh, path: &Path) -> Result<()> {

@@ -13,7 +13,7 @@ use super::srgb::srgb_byte;
 use super::whole::write_whole;
 use crate::error::{Error, Result};
 use crate::render::{Image, Program, unpremultiply};
-use crate::warnings::warning;
+use softray_kernels::warning;
 
 /// The gray of pixels without a surface in depth pictures. No depth has this color.
 const BACKGROUND: [u8; 3] = [128; 3];

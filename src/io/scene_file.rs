@@ -13,7 +13,7 @@ use super::whole::ending;
 use super::{HostImage, LoadLimits};
 use crate::error::{Error, Result, one_of};
 use crate::scene::{Camera, Environment, Light, Scene};
-use crate::warnings::warning;
+use softray_kernels::warning;
 
 /// A scene with a camera and an image size, loaded from a file.
 ///

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use super::{gltf_write, obj_write, ply_write, whole::ending};
 use crate::error::{Error, Result};
-use crate::host::BsdfKind;
 use crate::scene::{Material, Mesh, Scene, check_scene};
-use crate::warnings::warning;
+use softray_kernels::host::BsdfKind;
+use softray_kernels::warning;
 
 /// The endings of files that are written.
 const WRITTEN: [&str; 4] = ["obj", "gltf", "glb", "ply"];

@@ -6,8 +6,8 @@ use burn::tensor::{Device, Tensor};
 
 use super::values::{leaf, logit};
 use crate::error::{Error, Result};
-use crate::model::integers::mix;
 use crate::scene::Range;
+use softray_kernels::model::integers::mix;
 
 /// The factor of the last layer's outputs: logits need to move farther than weights.
 const GAIN: f64 = 3.0;

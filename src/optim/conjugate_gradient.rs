@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::connectivity::Connectivity;
-use crate::warnings::warning;
+use softray_kernels::warning;
 
 /// The relative residual |b − Ax|/|b| at which the solver stops.
 const TOLERANCE: f64 = 1e-10;

@@ -11,7 +11,7 @@ use super::connectivity::Connectivity;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, host_values};
 use crate::scene::Mesh;
-use crate::warnings::warning;
+use softray_kernels::warning;
 
 /// The object name in error messages.
 const OBJECT: &str = "large steps";

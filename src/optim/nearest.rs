@@ -127,7 +127,7 @@ fn grow(points: &[DVec3], rows: &mut [u32], from: usize, nodes: &mut Vec<Node>) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::integers::mix;
+    use softray_kernels::model::integers::mix;
 
     fn cloud(count: u64, seed: u64, at: impl Fn([f64; 3]) -> DVec3) -> Vec<DVec3> {
         let number = |i| (mix(seed ^ mix(i)) >> 11) as f64 / (1u64 << 53) as f64;

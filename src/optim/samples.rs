@@ -5,8 +5,8 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3};
-use crate::model::integers::mix;
 use crate::scene::{Mesh, take_rows};
+use softray_kernels::model::integers::mix;
 
 /// Returns points `[count, 3]` on the faces of a mesh, in scene units, distributed uniformly by area (Osada et
 /// al. 2002, *Shape Distributions*, Eq. 1). The same seed gives the same points.

@@ -5,9 +5,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 #[cfg(feature = "gpu")]
 use super::standing::Standing;
-use crate::accel::LastHierarchy;
-use crate::kernel::LastEdges;
 use crate::scene::Constants;
+use softray_kernels::accel::LastHierarchy;
+use softray_kernels::kernel::LastEdges;
 
 /// A cache of data from render to render, such as the steps of a fit.
 ///

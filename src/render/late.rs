@@ -14,12 +14,12 @@ use super::standing::{Group, Look, Places, Preparing, Standing, Views};
 use crate::error::Result;
 use crate::geometry::{Context, detached};
 use crate::gpu::{FAR_MOVE, Reading, Row, identity_and_strides};
-use crate::host::{LightPart, ParameterId};
-use crate::kernel::View;
 use crate::scene::{
     Camera, Detach, Object, Parameter, Projection, Value, Visit, host_device, look_at_scene,
     visit_camera, visit_scene,
 };
+use softray_kernels::host::{LightPart, ParameterId};
+use softray_kernels::kernel::View;
 
 /// How a render gets the values of its tensors, and what it leaves to the next one.
 #[derive(Default)]

@@ -4,11 +4,11 @@ use glam::DVec3;
 
 use super::batch::Batch;
 use super::options::RenderOptions;
-use crate::host::{HostLight, HostMaterial, HostObject, HostScene, LightKind};
-use crate::model::camera::HostCamera;
 use crate::scene::{Bounds, Parameter, Projection, Scene, narrow_in_radians, warn_of_radians};
 use crate::tensors::Visibility;
-use crate::warnings::warning_once;
+use softray_kernels::host::{HostLight, HostMaterial, HostObject, HostScene, LightKind};
+use softray_kernels::model::camera::HostCamera;
+use softray_kernels::warning_once;
 
 /// The radius of a scene in halves of the image's height at its far end, from which on a field of view may be in
 /// radians. If it is and would show the whole scene, the radius is about 60 or more.

@@ -30,10 +30,9 @@ use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
 use crate::geometry::host_values_async;
-use crate::host::ParameterId;
 use crate::scene::{Camera, Collect, Material, Scene, Visit, look_at_scene, visit_camera};
+use softray_kernels::host::ParameterId;
 
-pub use crate::sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub use crate::tensors::{Diagnostics, SoftmaxOptions, Visibility};
 pub use batch::Batch;
 pub use cache::HierarchyCache;
@@ -45,6 +44,7 @@ pub use outputs::{Outputs, unpremultiply};
 pub use overview::overview;
 #[cfg(feature = "remote")]
 pub(crate) use remote::client::finish;
+pub use softray_kernels::sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
 pub use tangent::Tangent;
 #[cfg(feature = "fit")]
 pub(crate) use values::Values;

@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 use super::adaptive::MAX_SAMPLES_RATIO;
 use super::cache::HierarchyCache;
 use super::outputs::Outputs;
-use crate::sampling::{Sampler, Sampling};
 use crate::scene::Normalization;
 use crate::tensors::Visibility;
+use softray_kernels::sampling::{Sampler, Sampling};
 
 /// The program that computes a render. For cones and the same seed, all give the same image, up to rounding.
 ///

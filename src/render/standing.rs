@@ -19,11 +19,11 @@ use crate::error::Result;
 use crate::geometry::Context;
 #[cfg(feature = "gpu")]
 use crate::gpu::{Packed, Reading};
-use crate::host::ParameterId;
-#[cfg(feature = "gpu")]
-use crate::kernel::View;
 #[cfg(feature = "gpu")]
 use crate::scene::{Camera, Scene};
+use softray_kernels::host::ParameterId;
+#[cfg(feature = "gpu")]
+use softray_kernels::kernel::View;
 
 /// The ranges of tensors in the row.
 pub(super) type TensorPlaces = Vec<(ParameterId, Range<usize>)>;

@@ -8,8 +8,8 @@ use burn::tensor::{DType, Device, Int, Tensor, TensorData};
 use super::values::{Values, check_same, extrapolated, invalid};
 use crate::error::Result;
 use crate::geometry::detached;
-use crate::host::ParameterId;
 use crate::scene::{Camera, CornerAttribute, Object, Parameter, Scene, Visit, visit_tensors};
+use softray_kernels::host::ParameterId;
 
 /// The step along a direction, relative to the largest value, for tangents of normal maps.
 const TANGENT_STEP: f64 = 1e-3;

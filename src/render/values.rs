@@ -6,8 +6,8 @@ use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
-use crate::host::ParameterId;
 use crate::scene::{Camera, Parameter, Row, Scene, Visit, visit_tensors};
+use softray_kernels::host::ParameterId;
 
 /// The first step of the differences, relative to a number of size 1 or more, the factor from one step to the next, and
 /// the number of steps.

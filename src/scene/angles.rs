@@ -1,7 +1,7 @@
 //! Angles in degrees that look like radians.
 
 use super::Parameter;
-use crate::warnings::warn_once;
+use softray_kernels::warnings::warn_once;
 
 /// Warns if a constant angle in degrees is an integer number of degrees in radians, as `30f64.to_radians()` is.
 pub(crate) fn warn_of_radians(of: &'static str, angle: &Parameter<1>) {

@@ -3,7 +3,7 @@
 use super::parameter::Range;
 use super::{Mesh, Scene};
 use crate::error::{Error, Result};
-use crate::host::Bounds;
+use softray_kernels::host::Bounds;
 
 impl Mesh {
     /// Computes the bounding box of the mesh's faces, on the host. Vertices that no face uses are ignored.

@@ -2,7 +2,7 @@
 
 use super::parameter::{Parameter, Range, Row};
 use super::texture::{ColorTexture, ScalarTexture, Value};
-use crate::host::{BsdfKind, Channel, MAX_IOR, MAX_METAL_IOR, MIN_IOR};
+use softray_kernels::host::{BsdfKind, Channel, MAX_IOR, MAX_METAL_IOR, MIN_IOR};
 
 /// The largest constant exponent of a Phong lobe, which is then a tenth of a degree wide: f32 resolves little less.
 const MAX_SHININESS: f64 = 1e6;

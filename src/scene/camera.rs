@@ -4,8 +4,8 @@ use super::Parameter;
 use super::lens::ThinLens;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, detached};
-use crate::host::HostProjection;
-use crate::model::camera::HostCamera;
+use softray_kernels::host::HostProjection;
+use softray_kernels::model::camera::HostCamera;
 
 /// A camera in right-handed coordinates.
 /// Pixel (0, 0) is at the upper left. By default the camera is a pinhole with a perspective projection.

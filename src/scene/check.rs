@@ -12,7 +12,7 @@ use super::{Bsdf, Camera, ColorTexture, Material, Object, Parameter, Scene};
 use crate::device::{self, label};
 use crate::error::{Error, Result};
 use crate::geometry::{Context, first_outside, place_of};
-use crate::host::{MIN_CONTRAST, ParameterId};
+use softray_kernels::host::{MIN_CONTRAST, ParameterId};
 
 /// Checks that all tensors of a scene are of one device and float type, and returns these.
 pub(crate) fn check_devices(scene: &Scene) -> Result<Context> {

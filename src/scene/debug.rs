@@ -9,7 +9,7 @@ use super::{
     ScalarTexture, Scene,
 };
 use crate::debug::{Text, graph, place, tensor};
-use crate::host::{BsdfKind, Channel};
+use softray_kernels::host::{BsdfKind, Channel};
 
 /// The most objects of a scene, and materials of an object, that are shown.
 const MAX_SHOWN: usize = 32;

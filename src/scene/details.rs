@@ -7,7 +7,7 @@ use burn::tensor::Tensor;
 use super::corners::CornerAttribute;
 use super::maps::{AlphaMask, NormalMap};
 use super::{Material, Mesh, Object};
-use crate::host::Wrap;
+use softray_kernels::host::Wrap;
 
 impl Mesh {
     /// Sets colors `[N, 3]`, linear RGB ≥ 0, and the rows of them at the corners of each face: for colors of

@@ -11,7 +11,7 @@ use super::texture::Value;
 use super::{Bounds, Camera, CornerAttribute, Environment, LightPlanes, Mesh, Parameter, Scene};
 use crate::error::Result;
 use crate::geometry::{Context, Topology, Triangles, Vec3, VertexData};
-use crate::host::{Holes, HostAttribute, HostObject, HostScene, SceneFrame, Weld};
+use softray_kernels::host::{Holes, HostAttribute, HostObject, HostScene, SceneFrame, Weld};
 
 /// A sphere about the scene that sets the scale of depths and tolerances. It has no gradient.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

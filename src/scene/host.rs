@@ -11,8 +11,8 @@ use super::transfer::{Constants, Transfer};
 use super::{CornerAttribute, Parameter, Scene};
 use crate::error::Result;
 use crate::geometry::{Context, host_values, now};
-use crate::host::{Holes, HostAttribute, HostMaterial, HostObject, HostScene};
-use crate::warnings::warning;
+use softray_kernels::host::{Holes, HostAttribute, HostMaterial, HostObject, HostScene};
+use softray_kernels::warning;
 
 impl Scene {
     /// Checks the scene and reads its values back. Returns also the context of its renders.

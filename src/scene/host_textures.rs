@@ -9,7 +9,7 @@ use super::maps::AlphaMask;
 use super::texture::Value;
 use crate::error::{Error, Result};
 use crate::geometry::{by_rows, place_of};
-use crate::host::{HostTexture, Mask};
+use softray_kernels::host::{HostTexture, Mask};
 
 /// The images read so far, by the address and shape of their tensors. These tensors must outlive the cache.
 #[derive(Default)]

@@ -10,7 +10,7 @@ use super::parameter::{Range, Row};
 use super::texture::Value;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, sin_cos};
-use crate::host::{HostLight, LightKind, LightPart};
+use softray_kernels::host::{HostLight, LightKind, LightPart};
 
 /// A delta light (point, spot or directional), added by [`Scene::with_light`](super::Scene::with_light).
 ///

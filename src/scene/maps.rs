@@ -4,7 +4,7 @@ use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
-use crate::host::Wrap;
+use softray_kernels::host::Wrap;
 
 /// A normal map: tilts of the shading normal over a surface.
 ///

@@ -4,7 +4,7 @@ use super::bsdf::Bsdf;
 use super::parameter::Parameter;
 use super::texture::{ColorTexture, ScalarTexture, Value};
 use super::{AlphaMask, NormalMap};
-use crate::host::{BsdfKind, Channel, MaterialKind};
+use softray_kernels::host::{BsdfKind, Channel, MaterialKind};
 
 /// A BSDF, emission, a normal map and an alpha mask.
 ///

@@ -6,7 +6,7 @@ use super::parameter::without_tape;
 use super::texture::Value;
 use super::{Material, Parameter, Wrap};
 use crate::geometry::{Context, Vec3};
-use crate::host::{CHANNELS, Channel, MaterialKind};
+use softray_kernels::host::{CHANNELS, Channel, MaterialKind};
 
 /// The location of a texture in the atlas.
 #[derive(Clone, Copy, Debug)]

@@ -8,7 +8,7 @@ use burn::tensor::Tensor;
 use super::parameter::{Range as Values, Row};
 use super::texture::Value;
 use super::{Camera, Light, Object, Parameter, Projection, Scene};
-use crate::host::ParameterId;
+use softray_kernels::host::ParameterId;
 
 impl Row for ParameterId {
     fn row(self) -> (&'static str, Values) {

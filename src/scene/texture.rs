@@ -4,7 +4,7 @@ use burn::tensor::Tensor;
 
 use super::Parameter;
 use crate::geometry::any_positive;
-use crate::host::Wrap;
+use softray_kernels::host::Wrap;
 
 /// The value of what may have several forms: a parameter of a material, or an environment.
 pub(crate) enum Value<'a> {

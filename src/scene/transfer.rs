@@ -10,7 +10,7 @@ use super::{Camera, Scene};
 use crate::device::is_cpu;
 use crate::error::Result;
 use crate::geometry::{Context, detached};
-use crate::host::ParameterId;
+use softray_kernels::host::ParameterId;
 
 /// Distinguishes the tensors of a device while they are alive: memory, offset in it, and length.
 pub(crate) type Identity = [u64; 3];

@@ -9,7 +9,7 @@ use super::parameter::{Range, conversions};
 use super::{Camera, Parameter, Projection, Scene};
 use crate::error::{Error, Result};
 use crate::geometry::{host_values, sin_cos};
-use crate::host::Bounds;
+use softray_kernels::host::Bounds;
 
 /// The margin that [`Camera::framing`] leaves around a scene, as a fraction of the image.
 const MARGIN: f64 = 0.05;

@@ -10,13 +10,13 @@ use pulp::Arch;
 use super::rays::{HostRay, Rays};
 use super::softmax::List;
 use super::surface::SurfacePoints;
-use crate::accel::{Hierarchy, Hit, HitRay, NOTHING};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, host_vectors};
-use crate::host::Holes;
-use crate::model::cone::{Bend, bend, lifted, up_to_plane};
-use crate::model::{Four, V3};
-use crate::sampling::{Dimensions, Sampler};
+use softray_kernels::accel::{Hierarchy, Hit, HitRay, NOTHING};
+use softray_kernels::host::Holes;
+use softray_kernels::model::cone::{Bend, bend, lifted, up_to_plane};
+use softray_kernels::model::{Four, V3};
+use softray_kernels::sampling::{Dimensions, Sampler};
 
 /// Paths (pixel, sample) at a bounce, which are keys of random numbers.
 #[derive(Clone, Copy)]

@@ -7,7 +7,7 @@ use super::shaded::Shaded;
 use super::tracer::Tracer;
 use crate::error::Result;
 use crate::geometry::{Vec3, detached, gather_row, host_values};
-use crate::host::LightKind;
+use softray_kernels::host::LightKind;
 
 /// The distance of a directional light.
 const FAR: f64 = 1e30;

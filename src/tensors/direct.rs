@@ -12,8 +12,8 @@ use super::shaded::Shaded;
 use super::tracer::{Sight, Tracer};
 use crate::error::Result;
 use crate::geometry::{Vec3, detached, gather_row, host_values, host_vectors};
-use crate::model::v3;
-use crate::sampling::Dimensions;
+use softray_kernels::model::v3;
+use softray_kernels::sampling::Dimensions;
 
 /// Returns light from one point of one emitter at each surface point, as planes of f·cos θ·cos θ_e/r²·L_e·T over the
 /// density. Each result holds the indices of its paths, or `None` for all. The list is empty if the scene has no

@@ -5,8 +5,8 @@ use burn::tensor::{Int, Tensor};
 use super::surface::look_up;
 use crate::error::Result;
 use crate::geometry::{Vec3, detached};
-use crate::host::Channel;
 use crate::scene::Flattened;
+use softray_kernels::host::Channel;
 
 /// Returns the emission of materials at texture coordinates `uv`. `cosine` is the cosine to the normal of the front.
 /// From behind, the emission is 0.

@@ -10,13 +10,13 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached, gather_row, host_values, host_vectors};
-use crate::host::Channel;
-use crate::model::V3;
-use crate::model::delta_light::DeltaLight;
-use crate::model::sky::SkyDensity;
-use crate::model::texture::{Color, Texels, Texture};
-use crate::sampling::{Emitter, EmitterSampling, Emitters, Met, Receiver};
 use crate::scene::{EnvironmentMap, Flattened, LightPlanes, SkyTensors};
+use softray_kernels::host::Channel;
+use softray_kernels::model::V3;
+use softray_kernels::model::delta_light::DeltaLight;
+use softray_kernels::model::sky::SkyDensity;
+use softray_kernels::model::texture::{Color, Texels, Texture};
+use softray_kernels::sampling::{Emitter, EmitterSampling, Emitters, Met, Receiver};
 
 /// The emitters of a scene, for lists of points.
 pub(crate) struct Lights {

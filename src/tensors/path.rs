@@ -16,8 +16,8 @@ use super::surface::SurfacePoints;
 use super::tracer::{RayStatistics, Sight, Tracer, Transport};
 use crate::error::Result;
 use crate::geometry::Vec3;
-use crate::sampling::SurfaceSampling;
 use crate::scene::Flattened;
+use softray_kernels::sampling::SurfaceSampling;
 
 /// The light of a tile's paths, in rows `[1, N]`.
 pub(crate) struct Radiance {

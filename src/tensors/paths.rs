@@ -7,7 +7,7 @@ use super::softmax::Shares;
 use super::tracer::Tracer;
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached, host_values};
-use crate::sampling::Dimensions;
+use softray_kernels::sampling::Dimensions;
 
 /// Applies Russian roulette, in which paths survive in proportion to their throughput. Returns the survivors.
 pub(super) fn roulette(tracer: &Tracer, batch: &mut PathBatch, bounce: u32) -> Result<Vec<u32>> {

@@ -8,9 +8,9 @@ use crate::geometry::{
     Context, Nearest, Triangles, Vec3, VertexData, detached, gather_row, host_values,
     nearest_on_triangle,
 };
-use crate::host::{BsdfKind, Channel, MaterialKind};
-use crate::model::texture::wrapped;
 use crate::scene::{ChannelPlanes, Flattened};
+use softray_kernels::host::{BsdfKind, Channel, MaterialKind};
+use softray_kernels::model::texture::wrapped;
 
 /// Drawn surface points, in rows `[1, N]`.
 pub(crate) struct SurfacePoints {
@@ -24,7 +24,7 @@ pub(crate) struct SurfacePoints {
     pub normal: Vec3,
     /// Whether the two normals may differ.
     pub smooth: bool,
-    /// The BSDF parameters, each at its place ([`Channel::place`](crate::host::Channel::place)).
+    /// The BSDF parameters, each at its place ([`Channel::place`](softray_kernels::host::Channel::place)).
     pub parameters: Vec<Vec3>,
     /// The microfacet models among the BSDFs.
     pub models: Vec<Model>,
@@ -49,7 +49,7 @@ impl SurfacePoints {
     /// Raises the roughness of glossy surfaces to a least value after `bounce` bounces, as [`Shading::roughen`] and the
     /// kernels' points do.
     ///
-    /// [`Shading::roughen`]: crate::model::bsdf::Shading::roughen
+    /// [`Shading::roughen`]: softray_kernels::model::bsdf::Shading::roughen
     pub(super) fn regularize(&mut self, least: f64, bounce: u32) {
         let place = Channel::Roughness.place();
         let Some(parameter) = self.parameters.get_mut(place).filter(|_| bounce > 0) else {
@@ -260,7 +260,7 @@ fn interpolated(corners: &VertexData, index: &Tensor<2, Int>, [b, c]: &[Tensor<2
         .add(&at(&corners.c).scale(c))
 }
 
-/// Returns unit normals on the front side, tilted by texels of normal maps (`crate::model::normal_map`). Normals of
+/// Returns unit normals on the front side, tilted by texels of normal maps (`softray_kernels::model::normal_map`). Normals of
 /// triangles without tangents, whose side is 0, are unchanged.
 fn tilted(
     context: &Context,

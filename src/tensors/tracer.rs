@@ -14,9 +14,9 @@ use super::softmax::{
     Weights, coverage, grouped, transmittance, weights,
 };
 use crate::error::Result;
-use crate::sampling::Sampler;
-use crate::sampling::Sampling;
 use crate::scene::Flattened;
+use softray_kernels::sampling::Sampler;
+use softray_kernels::sampling::Sampling;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathSettings {

@@ -9,7 +9,7 @@ use crate::io::description::{Color, ExtraBsdf, ImageSource, MaterialDescription,
 use crate::io::files::Files;
 use crate::io::notes::Notes;
 use crate::scene::Wrap;
-use crate::warnings::warning;
+use softray_kernels::warning;
 
 /// Entries that would change a render but are not read.
 const UNREAD: [&str; 20] = [

@@ -18,8 +18,8 @@ use super::polygon::Polygons;
 use super::srgb::srgb_to_linear;
 use crate::error::{Error, Result};
 use crate::scene::Wrap;
-use crate::warnings::warning;
 use header::{Element, Format, Header, Property};
+use softray_kernels::warning;
 use values::Values;
 
 /// Reads a file. The description refers to the texture that the file names.

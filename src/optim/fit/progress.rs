@@ -6,7 +6,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use web_time::{Duration, Instant};
 
 use super::{History, Row, Stop, Warning};
-use crate::warnings::warn;
+use softray_kernels::warnings::warn;
 
 /// The least time between lines.
 const PAUSE: Duration = Duration::from_secs(10);

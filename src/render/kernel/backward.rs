@@ -11,16 +11,16 @@ use rayon::prelude::*;
 
 use super::forward::camera_tiles;
 use super::rows::Rows;
-use crate::kernel::{
-    FilmEdges, HostSums, KINDS, ON_FILM, PixelGradients, SEARCHED, SHADOWS, Seen, View, Work,
-    Yields,
-};
-use crate::model::film::{MAX_EDGE_SAMPLES, samples_of_film};
-use crate::model::integers::hashed;
-use crate::model::jumps::usual_searches;
 use crate::render::options::RenderOptions;
 use crate::render::standing::Places;
 use crate::render::tiles::Tile;
+use softray_kernels::kernel::{
+    FilmEdges, HostSums, KINDS, ON_FILM, PixelGradients, SEARCHED, SHADOWS, Seen, View, Work,
+    Yields,
+};
+use softray_kernels::model::film::{MAX_EDGE_SAMPLES, samples_of_film};
+use softray_kernels::model::integers::hashed;
+use softray_kernels::model::jumps::usual_searches;
 
 /// The maximum total size, in numbers, of all accumulators of derivatives.
 const ACCUMULATED: usize = 1 << 24;

@@ -8,11 +8,11 @@ use rayon::prelude::*;
 
 use super::rows::Rows;
 use crate::error::Result;
-use crate::kernel::{Counted, RayCounts, View, Work};
-use crate::model::V3;
 use crate::render::options::RenderOptions;
 use crate::render::standing::Places;
 use crate::render::tiles::{Tile, tiles};
+use softray_kernels::kernel::{Counted, RayCounts, View, Work};
+use softray_kernels::model::V3;
 
 /// The default number of camera rays per tile.
 const RAYS: usize = 1 << 13;

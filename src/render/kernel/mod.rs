@@ -7,6 +7,10 @@ mod prepare;
 mod rows;
 #[cfg(feature = "gpu")]
 mod step;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod tests;
 mod trace;
 
 use std::collections::{HashMap, HashSet};
@@ -25,16 +29,16 @@ use crate::error::Result;
 use crate::geometry::Context;
 #[cfg(feature = "gpu")]
 use crate::gpu::Job;
-use crate::host::ParameterId;
-use crate::kernel::View;
 use crate::scene::{Camera, Scene};
 use crate::tensors::Diagnostics;
-use crate::warnings::warning;
 use backward::Backward;
 use forward::Traced;
 use prepare::{Prepared, prepare};
 pub(super) use prepare::{copy, on_gpu};
 use rows::Rows;
+use softray_kernels::host::ParameterId;
+use softray_kernels::kernel::View;
+use softray_kernels::warning;
 use trace::{Jobs, Pass};
 
 /// Returns the boundary terms of the gradient of a view's tensors (as one row) for the upstream gradient `[P, C]` of

@@ -9,14 +9,9 @@ use burn::tensor::DType;
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
-use crate::accel::Hierarchy;
 use crate::device::stage;
 use crate::error::Result;
 use crate::geometry::{Context, detached, host_values, now};
-use crate::host::{HostScene, ParameterId};
-use crate::kernel::{EdgeSets, KernelScene, View, ViewSettings, Wanted};
-use crate::model::camera::HostCamera;
-use crate::model::filter::Filters;
 use crate::render::batch::{Batch, OnHost, in_batch};
 use crate::render::cache::{HierarchyCache, LastScene};
 #[cfg(feature = "gpu")]
@@ -30,6 +25,11 @@ use crate::scene::{
     Camera, Collect, Identity, Transfer, Visit, host_device, look_at_scene, visit_camera,
 };
 use crate::tensors::Visibility;
+use softray_kernels::accel::Hierarchy;
+use softray_kernels::host::{HostScene, ParameterId};
+use softray_kernels::kernel::{EdgeSets, KernelScene, View, ViewSettings, Wanted};
+use softray_kernels::model::camera::HostCamera;
+use softray_kernels::model::filter::Filters;
 
 /// A batch that is ready to trace.
 pub(super) struct Prepared {

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use crate::kernel::Seen;
 use crate::render::outputs::Outputs;
+use softray_kernels::kernel::Seen;
 
 /// The channels of an image: radiance, opacity, depth, normal, albedo, weights of the objects and the background, rays
 /// of a path.

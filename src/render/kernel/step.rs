@@ -8,13 +8,13 @@ use super::prepare::{Prepared, collect_scenes, copy, prepare};
 use crate::error::Result;
 use crate::geometry::{host_values, now};
 use crate::gpu::ViewPlaces;
-use crate::kernel::View;
 use crate::render::batch::Batch;
 use crate::render::cache::HierarchyCache;
 use crate::render::late::{Late, serve};
 use crate::render::options::{RenderOptions, sampler};
 use crate::render::standing::{Group, Places, Preparing, Standing};
 use crate::scene::Collect;
+use softray_kernels::kernel::View;
 
 /// Makes the views of a batch. If the host does not take the present values of tensors, the device places them.
 pub(super) fn prepare_step(batch: &Batch, options: &RenderOptions) -> Result<Prepared> {

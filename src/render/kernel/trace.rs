@@ -19,13 +19,13 @@ use crate::error::Result;
 use crate::geometry::{Context, host_values};
 #[cfg(feature = "gpu")]
 use crate::gpu::{Job, Row, ViewPlaces, pack};
-use crate::kernel::View;
 use crate::render::adaptive::{pilots, shares};
 use crate::render::cache::HierarchyCache;
 use crate::render::options::RenderOptions;
 #[cfg(feature = "gpu")]
 use crate::render::standing::Group;
 use crate::render::standing::Places;
+use softray_kernels::kernel::View;
 
 /// The parameters of a forward pass.
 pub(super) struct Pass<'a> {

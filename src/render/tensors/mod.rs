@@ -15,10 +15,10 @@ use super::node::{Derivative, attach};
 use super::options::RenderOptions;
 use crate::error::Result;
 use crate::geometry::detached;
-use crate::host::SceneFrame;
 use crate::scene::{Camera, Collect, Detach, Flattened, Normalization, Scene, visit_tensors};
 use renderer::{TensorRenderer, Traced};
 use replay::Replay;
+use softray_kernels::host::SceneFrame;
 
 /// Renders the views of a batch one after another.
 pub(super) fn render(

@@ -7,18 +7,18 @@ use burn::tensor::Tensor;
 use rayon::prelude::*;
 
 use super::outputs::outputs;
-use crate::accel::Hierarchy;
 use crate::device::is_cpu;
 use crate::error::{Error, Result};
-use crate::model::filter::PixelFilter;
 use crate::render::options::{RenderOptions, sampler};
 use crate::render::tiles::{Tile, tiles};
-use crate::sampling::{Dimensions, Sampler};
 use crate::scene::{Camera, Flattened};
 use crate::tensors::{
     Candidates, Cones, Diagnostics, Lights, PathSettings, RayStatistics, Rays, Sight, Sky, Tracer,
     Transport, VisibilityForm, hierarchy_of, trace,
 };
+use softray_kernels::accel::Hierarchy;
+use softray_kernels::model::filter::PixelFilter;
+use softray_kernels::sampling::{Dimensions, Sampler};
 
 /// A view that is ready to trace.
 pub(super) struct TensorRenderer<'a> {

@@ -7,15 +7,15 @@ use burn::tensor::{Tensor, TensorData};
 use rayon::prelude::*;
 
 use super::renderer::TensorRenderer;
-use crate::accel::Hierarchy;
 use crate::device::is_cpu;
 use crate::error::Result;
 use crate::geometry::{Context, host_values};
-use crate::host::HostScene;
 use crate::render::kernel;
 use crate::render::options::RenderOptions;
 use crate::render::tiles::Tile;
 use crate::scene::{Camera, Flattened, Normalization, Replace, Scene, visit_tensors};
+use softray_kernels::accel::Hierarchy;
+use softray_kernels::host::HostScene;
 
 /// The backward pass of a view.
 pub(super) struct Replay {

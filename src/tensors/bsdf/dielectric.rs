@@ -6,9 +6,9 @@ use super::facets::{Facets, clamped, fitted};
 use super::{Drawn, Numbers, TensorBsdf, cosine};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
-use crate::host::{MAX_IOR, MIN_CONTRAST, MIN_IOR};
-use crate::model::bsdf::{UPRIGHT, given_back};
 use crate::tensors::surface::{Model, SurfacePoints};
+use softray_kernels::host::{MAX_IOR, MIN_CONTRAST, MIN_IOR};
+use softray_kernels::model::bsdf::{UPRIGHT, given_back};
 
 /// Returns the fraction of light that is reflected on its way from the side of index 1 to the side of index η.
 fn reflected_part(cosine: &Tensor<2>, eta: &Tensor<2>) -> Tensor<2> {

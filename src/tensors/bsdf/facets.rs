@@ -1,5 +1,5 @@
 //! Microfacets in tensors: the GGX distribution with Smith masking, and sampling of visible half vectors
-//! ([`crate::model::bsdf`]).
+//! ([`softray_kernels::model::bsdf`]).
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,9 +7,9 @@ use burn::tensor::Tensor;
 
 use super::{Numbers, frame, from_frame};
 use crate::geometry::{Context, Vec3, detached, host_values};
-use crate::host::MaterialKind;
-use crate::model::bsdf::Fit;
 use crate::tensors::surface::{Model, SurfacePoints};
+use softray_kernels::host::MaterialKind;
+use softray_kernels::model::bsdf::Fit;
 
 /// The least α.
 const MIN_ALPHA: f64 = 1e-3;

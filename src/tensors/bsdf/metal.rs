@@ -8,9 +8,11 @@ use super::facets::{Facets, clamped, fitted};
 use super::{Drawn, Numbers, TensorBsdf, cosine};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached};
-use crate::host::{BsdfKind, MAX_METAL_IOR};
-use crate::model::bsdf::{DIELECTRIC_F0, Fit, dielectric_facets, lost, mean_of_dielectric_facets};
 use crate::tensors::surface::{Model, SurfacePoints};
+use softray_kernels::host::{BsdfKind, MAX_METAL_IOR};
+use softray_kernels::model::bsdf::{
+    DIELECTRIC_F0, Fit, dielectric_facets, lost, mean_of_dielectric_facets,
+};
 
 /// The least probability of each lobe if there are two.
 const MIN_PROBABILITY: f64 = 0.05;

@@ -14,13 +14,13 @@ use super::lights::nonzero;
 use super::surface::{Model, SurfacePoints};
 use crate::error::Result;
 use crate::geometry::{Context, Vec3, detached, host_vectors};
-use crate::host::BsdfKind;
-use crate::model::bsdf::HORIZON;
-use crate::model::frame::TURN;
-use crate::sampling::{Dimensions, Sampler};
 use dielectric::Dielectric;
 use metal::Metal;
 use phong::Phong;
+use softray_kernels::host::BsdfKind;
+use softray_kernels::model::bsdf::HORIZON;
+use softray_kernels::model::frame::TURN;
+use softray_kernels::sampling::{Dimensions, Sampler};
 
 /// A BSDF at surface points.
 trait TensorBsdf {
@@ -98,7 +98,7 @@ pub(crate) fn scattered(
 }
 
 /// Returns cos θ to the shading normal, limited to four times the cosine to the geometric normal
-/// ([`crate::model::bsdf`]). It is 0 below the surface.
+/// ([`softray_kernels::model::bsdf`]). It is 0 below the surface.
 fn cosine(points: &SurfacePoints, outgoing: &Vec3) -> Tensor<2> {
     let shaded = points.normal.dot(outgoing);
     if !points.smooth {
@@ -209,7 +209,7 @@ pub(crate) fn sample(
     })
 }
 
-/// Returns two unit vectors that are perpendicular to a unit axis and to each other, as [`crate::model::frame`] does.
+/// Returns two unit vectors that are perpendicular to a unit axis and to each other, as [`softray_kernels::model::frame`] does.
 fn frame(axis: &Vec3) -> [Vec3; 2] {
     let sign = detached(&axis.z)
         .greater_equal_elem(TURN)

@@ -10,11 +10,11 @@ use rayon::prelude::*;
 use super::coverage::CoverageSettings;
 use super::pairs::List;
 use super::weights::Softmax;
-use crate::accel::{Counts, Hierarchy, HostTriangle, LastHierarchy, Reach};
 use crate::error::Result;
 use crate::geometry::{Topology, Triangles, host_values, host_vectors};
 use crate::scene::Flattened;
 use crate::tensors::rays::{HostRay, Rays};
+use softray_kernels::accel::{Counts, Hierarchy, HostTriangle, LastHierarchy, Reach};
 
 /// The share of the cutoff that each omitted triangle may use: a ray may omit many, and gradients are more sensitive
 /// than images.
