@@ -91,8 +91,26 @@ mod tensors;
 pub use burn;
 pub use error::{Error, Result};
 pub use optim::loss;
-#[doc(inline)]
-pub use softray_kernels::warnings::show_warnings;
+
+/// Shows or hides warnings on the standard error, where they are shown by default if no logger is installed.
+///
+/// Warnings are about likely mistakes that are not errors: a black image, a camera that sees nothing of the scene, parts
+/// of a file that are not read. Each goes to the `log` crate. If the program has installed no logger, it is printed to
+/// the standard error instead, as a line that begins with `softray: warning:`. The same text is printed once in a
+/// process, and at most eight texts of one kind. The crate prints nothing else without a request.
+///
+/// A logger whose maximum level is `Off` counts as none, so that warnings are printed. To hide them, call this function
+/// with `false`, or set the environment variable `SOFTRAY_WARNINGS=0`. Neither changes what a logger receives.
+///
+/// A logger receives each text about scenes, cameras and options of renders once in a process, because a fit would
+/// repeat it at every step. It receives every other warning, and every one of a black image.
+///
+/// ```
+/// softray::show_warnings(false);
+/// ```
+pub fn show_warnings(shown: bool) {
+    softray_kernels::warnings::show(shown);
+}
 
 /// The names that most programs need.
 pub mod prelude {

@@ -33,7 +33,7 @@ use crate::geometry::host_values_async;
 use crate::scene::{Camera, Collect, Material, Scene, Visit, look_at_scene, visit_camera};
 use softray_kernels::host::ParameterId;
 
-pub use crate::tensors::{Diagnostics, SoftmaxOptions, Visibility};
+pub use crate::tensors::{Diagnostics, Sampling, SoftmaxOptions, SurfaceSampling, Visibility};
 pub use batch::Batch;
 pub use cache::HierarchyCache;
 pub use derivative::{ImageDerivative, render_derivative};
@@ -44,7 +44,8 @@ pub use outputs::{Outputs, unpremultiply};
 pub use overview::overview;
 #[cfg(feature = "remote")]
 pub(crate) use remote::client::finish;
-pub use softray_kernels::sampling::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
+#[doc(inline)]
+pub use softray_kernels::sampling::{EmitterSampling, Sequence};
 pub use tangent::Tangent;
 #[cfg(feature = "fit")]
 pub(crate) use values::Values;

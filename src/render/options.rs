@@ -12,8 +12,8 @@ use super::adaptive::MAX_SAMPLES_RATIO;
 use super::cache::HierarchyCache;
 use super::outputs::Outputs;
 use crate::scene::Normalization;
-use crate::tensors::Visibility;
-use softray_kernels::sampling::{Sampler, Sampling};
+use crate::tensors::{Sampling, Visibility};
+use softray_kernels::sampling::Sampler;
 
 /// The program that computes a render. For cones and the same seed, all give the same image, up to rounding.
 ///

@@ -68,6 +68,7 @@ pub use viewpoint::Matrix;
 use std::sync::Arc;
 
 use crate::error::{Error, Result, one_of};
+#[doc(inline)]
 pub use softray_kernels::host::{Bounds, Wrap};
 
 /// A scene: objects, lights and an environment.

@@ -1,6 +1,6 @@
 //! The renderer as tensor operations, whose derivatives burn computes. Suggested order of reading:
 //!
-//! 1. `visibility`: the user's choice; `rays`: the rays that are traced.
+//! 1. `visibility` and `strategies`: the user's choice; `rays`: the rays that are traced.
 //! 2. `softmax`: the paper's form, Eq. 1 to 3; `cones`: hard surfaces, the specification of the kernels.
 //! 3. `path`: the loop over the bounces of a path, with its state in `paths`; `tracer`: either form of visibility for
 //!    it.
@@ -21,6 +21,7 @@ mod rays;
 mod seen;
 mod shaded;
 mod softmax;
+mod strategies;
 mod surface;
 mod tracer;
 mod visibility;
@@ -31,6 +32,7 @@ pub(crate) use lights::{Lights, Sky};
 pub(crate) use path::{Radiance, trace};
 pub(crate) use rays::Rays;
 pub(crate) use softmax::{Candidates, Group, hierarchy_of};
+pub use strategies::{Sampling, SurfaceSampling};
 pub(crate) use tracer::{PathSettings, RayStatistics, Sight, Tracer, Transport};
 pub(crate) use visibility::VisibilityForm;
 pub use visibility::{SoftmaxOptions, Visibility};

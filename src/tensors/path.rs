@@ -2,6 +2,7 @@
 
 use burn::tensor::Tensor;
 
+use super::SurfaceSampling;
 use super::bsdf::{self, Scatter};
 use super::cones::AtBounce;
 use super::diagnostics::Diagnostics;
@@ -17,7 +18,6 @@ use super::tracer::{RayStatistics, Sight, Tracer, Transport};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::scene::Flattened;
-use softray_kernels::sampling::SurfaceSampling;
 
 /// The light of a tile's paths, in rows `[1, N]`.
 pub(crate) struct Radiance {

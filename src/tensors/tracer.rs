@@ -4,6 +4,7 @@ use std::cell::RefCell;
 
 use burn::tensor::Tensor;
 
+use super::Sampling;
 use super::cones::{AtBounce, Cones};
 use super::diagnostics::Diagnostics;
 use super::lights::Lights;
@@ -16,7 +17,6 @@ use super::softmax::{
 use crate::error::Result;
 use crate::scene::Flattened;
 use softray_kernels::sampling::Sampler;
-use softray_kernels::sampling::Sampling;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathSettings {

@@ -16,7 +16,7 @@ pub fn root() -> PathBuf {
 
 /// All Rust files of the repository.
 pub fn sources() -> Vec<Source> {
-    let folders = ["src", "tests", "benches", "examples"];
+    let folders = ["src", "crates", "tests", "benches", "examples"];
     folders.iter().flat_map(rust_files).collect()
 }
 

@@ -24,24 +24,34 @@ fn assert_none(problem: &str, found: &[String]) {
     assert!(found.is_empty(), "{problem}:\n{}\n", found.join("\n"));
 }
 
+/// The crates, each by the folder of its sources and the document with the order of its folders.
+const CRATES: [[&str; 2]; 2] = [
+    ["src", "ARCHITECTURE.md"],
+    ["crates/kernels/src", "crates/kernels/README.md"],
+];
+
 #[test]
 fn no_circles_of_imports_in_a_folder() {
-    let imports = Modules::of_src().imports();
-    assert_none("files that import each other", &circles(&imports));
+    for [folder, _] in CRATES {
+        let imports = Modules::of(folder).imports();
+        assert_none("files that import each other", &circles(&imports));
+    }
 }
 
 #[test]
 fn folders_import_what_stands_to_their_right() {
-    let text = std::fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md");
-    let (order, modules) = (Order::parse(&text), Modules::of_src());
-    assert_none(
-        "ARCHITECTURE.md's order of folders and src/ differ",
-        &order.differences(&modules),
-    );
-    assert_none(
-        "folders that import what stands to their left",
-        &order.against(&modules.imports()),
-    );
+    for [folder, document] in CRATES {
+        let text = std::fs::read_to_string(root().join(document)).expect(document);
+        let (order, modules) = (Order::parse(&text), Modules::of(folder));
+        assert_none(
+            &format!("the order of {document} and {folder} differ"),
+            &order.differences(&modules),
+        );
+        assert_none(
+            "folders that import what stands to their left",
+            &order.against(&modules.imports()),
+        );
+    }
 }
 
 #[test]

@@ -25,10 +25,13 @@ struct Named {
 }
 
 impl Modules {
-    /// The modules of this crate.
-    pub fn of_src() -> Self {
-        let files = rust_files("src").into_iter();
-        Self::parse(files.map(|(path, text)| (module_of(&path), text)))
+    /// The modules of a crate, whose sources are in a folder of the repository.
+    pub fn of(folder: &str) -> Self {
+        let files = rust_files(folder).into_iter().map(|(path, text)| {
+            let path = path.strip_prefix(folder).expect("a file of the folder");
+            (module_of(path), text)
+        });
+        Self::parse(files)
     }
 
     /// Modules from the texts of their files.
@@ -167,10 +170,10 @@ fn is_for_tests(attribute: &syn::Attribute) -> bool {
             .is_ok_and(|condition| condition == "test")
 }
 
-/// The module of a file: `src/scene/mod.rs` is `scene`, `src/lib.rs` the root.
+/// The module of a file of `src`: `scene/mod.rs` is `scene`, `lib.rs` the root.
 fn module_of(file: &Path) -> Names {
     let file = file.with_extension("");
-    let names = file.iter().skip(1);
+    let names = file.iter();
     let mut names: Names = names.map(|n| n.to_string_lossy().into_owned()).collect();
     if names.last().is_some_and(|n| n == "mod" || n == "lib") {
         names.pop();
@@ -180,10 +183,9 @@ fn module_of(file: &Path) -> Names {
 
 /// Modules of a made-up crate: paths of files below src/ and their texts.
 pub fn made_up(files: &[(&str, &str)]) -> Modules {
-    let files = files.iter().map(|(path, text)| {
-        let path = Path::new("src").join(path);
-        (module_of(&path), (*text).to_owned())
-    });
+    let files = files
+        .iter()
+        .map(|(path, text)| (module_of(Path::new(path)), (*text).to_owned()));
     Modules::parse(files)
 }
 

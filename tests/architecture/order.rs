@@ -1,4 +1,4 @@
-//! The order of the folders and files of src/: each imports only what stands to its right.
+//! The order of the folders and files of a crate: each imports only what stands to its right.
 
 use std::collections::BTreeSet;
 
@@ -8,11 +8,11 @@ use crate::modules::{Import, Modules, Names};
 pub struct Order(Vec<Names>);
 
 impl Order {
-    /// Reads the order from the line of ARCHITECTURE.md that is a code span with arrows.
+    /// Reads the order from the line of a document that is a code span with arrows.
     pub fn parse(text: &str) -> Self {
         let is_order = |line: &&str| line.starts_with('`') && line.contains('→');
         let line = text.lines().find(is_order);
-        let line = line.expect("a line `folder → folder, folder → …` in ARCHITECTURE.md");
+        let line = line.expect("a line `folder → folder, folder → …`");
         let place = |names: &str| names.split(',').map(|n| n.trim().to_owned()).collect();
         Self(line.trim_matches('`').split('→').map(place).collect())
     }
@@ -21,15 +21,15 @@ impl Order {
         self.0.iter().position(|p| p.iter().any(|n| n == folder))
     }
 
-    /// Folders and files of src/ that have no place in the order, and names in it that are no modules.
+    /// Folders and files that have no place in the order, and names in it that are no modules.
     pub fn differences(&self, modules: &Modules) -> Vec<String> {
         let parts: BTreeSet<&String> = modules.names().filter_map(|m| m.first()).collect();
         let lacks = parts.into_iter().filter(|part| self.place(part).is_none());
         let exists = |name: &String| modules.names().any(|m| m.first() == Some(name));
         let strange = self.0.iter().flatten().filter(|name| !exists(name));
         lacks
-            .map(|folder| format!("src/{folder} has no place in the order"))
-            .chain(strange.map(|name| format!("{name} is in the order, but not in src/")))
+            .map(|folder| format!("{folder} has no place in the order"))
+            .chain(strange.map(|name| format!("{name} is in the order, but is no module")))
             .collect()
     }
 
@@ -68,9 +68,9 @@ fn folders_without_a_place_are_found() {
     assert_eq!(
         Order::parse("`b → c`").differences(&modules),
         [
-            "src/a has no place in the order",
-            "src/other has no place in the order",
-            "c is in the order, but not in src/"
+            "a has no place in the order",
+            "other has no place in the order",
+            "c is in the order, but is no module"
         ]
     );
 }

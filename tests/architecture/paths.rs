@@ -33,7 +33,9 @@ pub struct Known(BTreeSet<String>);
 impl Known {
     pub fn of_repository() -> Self {
         let mut known = BTreeSet::new();
-        for folder in ["src", "tests", "benches", "examples", "docs", ".ci"] {
+        for folder in [
+            "src", "crates", "tests", "benches", "examples", "docs", ".ci",
+        ] {
             add_all(Path::new(folder), &mut known);
         }
         for entry in fs::read_dir(root()).expect("the root") {

@@ -11,6 +11,7 @@ pub mod accel;
 #[doc(hidden)]
 pub mod cube;
 pub mod host;
+#[doc(hidden)]
 pub mod kernel;
 #[doc(hidden)]
 pub mod lanes;

@@ -10,6 +10,9 @@ use std::sync::{LazyLock, Mutex, PoisonError};
 
 use log::{Level, LevelFilter, log_enabled, max_level};
 
+/// What loggers filter by.
+const TARGET: &str = "softray::warnings";
+
 /// The variable that hides warnings if its value is 0.
 const VARIABLE: &str = "SOFTRAY_WARNINGS";
 
@@ -27,23 +30,8 @@ static PRINTED: LazyLock<Mutex<HashMap<Kind, Vec<String>>>> = LazyLock::new(Mute
 /// The hashes of the texts of [`warn_once`] that a logger has received.
 static LOGGED: Mutex<BTreeSet<u64>> = Mutex::new(BTreeSet::new());
 
-/// Shows or hides warnings on the standard error, where they are shown by default if no logger is installed.
-///
-/// Warnings are about likely mistakes that are not errors: a black image, a camera that sees nothing of the scene, parts
-/// of a file that are not read. Each goes to the `log` crate. If the program has installed no logger, it is printed to
-/// the standard error instead, as a line that begins with `softray: warning:`. The same text is printed once in a
-/// process, and at most eight texts of one kind. The crate prints nothing else without a request.
-///
-/// A logger whose maximum level is `Off` counts as none, so that warnings are printed. To hide them, call this function
-/// with `false`, or set the environment variable `SOFTRAY_WARNINGS=0`. Neither changes what a logger receives.
-///
-/// A logger receives each text about scenes, cameras and options of renders once in a process, because a fit would
-/// repeat it at every step. It receives every other warning, and every one of a black image.
-///
-/// ```
-/// softray::show_warnings(false);
-/// ```
-pub fn show_warnings(shown: bool) {
+/// Shows or hides warnings on the standard error.
+pub fn show(shown: bool) {
     HIDDEN.store(!shown, Ordering::Relaxed);
 }
 
@@ -52,7 +40,7 @@ pub fn show_warnings(shown: bool) {
 pub fn warn(kind: &'static str, text: impl Display) {
     match max_level() {
         LevelFilter::Off => print((Location::caller(), kind), text.to_string()),
-        _ => log::warn!("{text}"),
+        _ => log::warn!(target: TARGET, "{text}"),
     }
 }
 
@@ -67,11 +55,11 @@ pub fn warn_once(kind: &'static str, text: impl Display) {
     let mut hasher = DefaultHasher::new();
     text.hash(&mut hasher);
     let mut logged = LOGGED.lock().unwrap_or_else(PoisonError::into_inner);
-    let is_new = log_enabled!(Level::Warn) && logged.insert(hasher.finish());
+    let is_new = log_enabled!(target: TARGET, Level::Warn) && logged.insert(hasher.finish());
     // A logger may take long, or warn itself.
     drop(logged);
     if is_new {
-        log::warn!("{text}");
+        log::warn!(target: TARGET, "{text}");
     }
 }
 

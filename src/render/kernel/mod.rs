@@ -9,8 +9,6 @@ mod rows;
 mod step;
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod tests;
 mod trace;
 
 use std::collections::{HashMap, HashSet};

@@ -2,14 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// An axis-aligned bounding box, in scene units.
-///
-/// ```
-/// use softray_kernels::host::Bounds;
-/// let bounds = Bounds::of_points([[2.0, -1.0, -1.0], [4.0, 1.0, 1.0]]).expect("points");
-/// assert_eq!((bounds.center(), bounds.size()), ([3.0, 0.0, 0.0], [2.0; 3]));
-/// assert!((bounds.radius() - 3f64.sqrt()).abs() < 1e-12);
-/// ```
+/// An axis-aligned bounding box, in scene units. `Scene::bounds` has an example.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bounds {

@@ -5,14 +5,16 @@ use std::sync::Arc;
 
 use super::wrap::Wrap;
 
-/// An alpha mask on the host.
+/// An alpha mask.
 #[derive(Debug)]
 pub struct Mask {
     /// Alpha, row by row.
     pub alpha: Arc<Vec<f32>>,
     /// Columns and rows.
     pub size: [usize; 2],
+    /// What is outside of the unit square.
     pub wrap: Wrap,
+    /// A surface has a hole where its alpha is below this.
     pub cutoff: f32,
 }
 
@@ -29,6 +31,7 @@ pub struct Holes {
     pub alphas: Vec<f32>,
 }
 
+/// The number of floats for each triangle with a mask.
 pub const OF_MASKED: usize = 7;
 
 impl Holes {

@@ -1,7 +1,8 @@
 //! Delta lights.
 
-/// A light on the host.
+/// A delta light.
 pub struct HostLight {
+    /// Its kind.
     pub kind: LightKind,
     /// Scene units.
     pub position: [f64; 3],
@@ -16,18 +17,27 @@ pub struct HostLight {
 /// The kind of a light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightKind {
+    /// Shines the same in all directions, from a point.
     Point,
+    /// Shines in a cone, from a point.
     Spot,
+    /// Shines from far away in one direction.
     Directional,
 }
 
 /// A parameter of a light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LightPart {
+    /// `[3]`, scene units.
     Position,
+    /// `[3]`, of any length but 0.
     Direction,
+    /// `[3]`, radiant intensity, RGB.
     Intensity,
+    /// `[3]`, irradiance of a surface that faces the light, RGB.
     Irradiance,
+    /// `[1]`, the angle up to which a spot light has its full intensity, in degrees.
     Inner,
+    /// `[1]`, the angle from which on its intensity is 0, in degrees.
     Outer,
 }

@@ -2,8 +2,9 @@
 
 /// The largest η and k of a conductor: the fourth powers of larger ones come near what f32 holds.
 pub const MAX_METAL_IOR: f64 = 1e4;
-/// The least and the largest index of refraction of a dielectric.
+/// The least index of refraction of a dielectric.
 pub const MIN_IOR: f64 = 0.1;
+/// The largest index of refraction of a dielectric.
 pub const MAX_IOR: f64 = 10.0;
 /// Indices of refraction that are nearer to 1 count as this far from it: without a difference nothing is refracted.
 pub const MIN_CONTRAST: f64 = 1e-3;
@@ -11,10 +12,14 @@ pub const MIN_CONTRAST: f64 = 1e-3;
 /// The model of a BSDF.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum BsdfKind {
+    /// Lambert plus normalized Phong.
     #[default]
     Phong,
+    /// The model of glTF 2.0.
     MetallicRoughness,
+    /// A metal with a complex index of refraction.
     Conductor,
+    /// Clear matter that reflects and refracts.
     Dielectric,
 }
 
@@ -33,16 +38,27 @@ impl BsdfKind {
 /// A parameter of a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Channel {
+    /// Lambert's albedo k_d, RGB.
     Diffuse,
+    /// The base color of glTF's model, RGB.
     BaseColor,
+    /// The tint of a dielectric, RGB.
     Tint,
+    /// Phong's albedo k_s, RGB.
     Specular,
+    /// Phong's exponent.
     Shininess,
+    /// The share of metal, in [0, 1].
     Metallic,
+    /// The roughness of microfacets, in [0, 1].
     Roughness,
+    /// The real part of a conductor's index of refraction, RGB.
     Eta,
+    /// Its imaginary part, RGB.
     Extinction,
+    /// The index of refraction of a dielectric.
     Ior,
+    /// The radiance that the front side emits, RGB.
     Emission,
 }
 
@@ -68,9 +84,11 @@ pub struct MaterialKind {
     pub reflects: bool,
     /// Whether it has a specular part.
     pub glossy: bool,
+    /// Whether its front emits.
     pub emits: bool,
     /// Whether what its front emits is not the same everywhere and in all directions.
     pub glows: bool,
+    /// The model of its BSDF.
     pub bsdf: BsdfKind,
     /// Whether light lost between facets is given back.
     pub compensated: bool,

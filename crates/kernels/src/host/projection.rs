@@ -1,22 +1,31 @@
 //! Projections of cameras.
 
-/// The values of a projection on the host.
+/// The projection of a camera.
 #[derive(Clone, Copy, Debug)]
 pub enum HostProjection {
+    /// Perspective about the middle of the image, with square pixels.
     Perspective {
+        /// Vertical field of view, in degrees in (0, 180).
         fov_y: f64,
     },
+    /// Perspective by the matrix K of a calibrated camera.
     Intrinsics {
+        /// Focal lengths (f_x, f_y), in pixels.
         focal: [f64; 2],
+        /// Principal point (c_x, c_y), in pixels from the upper left corner.
         principal: [f64; 2],
+        /// Columns and rows of the images that K was calibrated for.
         size: [f64; 2],
     },
+    /// Parallel rays along the view axis.
     Orthographic {
+        /// Height of the image, in scene units.
         height: f64,
     },
 }
 
 impl HostProjection {
+    /// Whether its rays are parallel.
     pub fn is_parallel(&self) -> bool {
         matches!(self, Self::Orthographic { .. })
     }

@@ -6,33 +6,41 @@ use glam::DVec3;
 
 use super::{Bounds, Channel, Holes, HostLight, HostTexture, MaterialKind};
 
-/// A scene on the host.
+/// A scene.
 pub struct HostScene {
+    /// The objects, in the order of their ids.
     pub objects: Vec<HostObject>,
     /// The materials of all objects, one object after the other.
     pub materials: Vec<HostMaterial>,
+    /// Delta lights.
     pub lights: Vec<HostLight>,
+    /// The radiance from infinity: a constant, or an equirectangular map.
     pub environment: HostTexture,
-    /// If any surface has any.
+    /// The holes of alpha masks, if any surface has any.
     pub holes: Option<Arc<Holes>>,
     /// False only for an environment that is a constant black.
     pub shines: bool,
 }
 
-/// An object on the host.
+/// An object.
 pub struct HostObject {
-    /// Scene units.
+    /// The positions of the vertices, in scene units.
     pub positions: Vec<[f64; 3]>,
+    /// The vertices of each face, counterclockwise seen from the front.
     pub faces: Arc<Vec<[u32; 3]>>,
+    /// Texture coordinates.
     pub uvs: Option<HostAttribute<2>>,
+    /// Normals, of any length.
     pub normals: Option<HostAttribute<3>>,
+    /// Colors that multiply the base color, linear RGB.
     pub colors: Option<HostAttribute<3>>,
+    /// Tangents for normal maps, with the sign of the bitangent.
     pub tangents: Option<HostAttribute<4>>,
-    /// Scene units over the shutter, where it moves or may come to.
+    /// Its linear velocity, in scene units over the shutter, if it moves or may come to move.
     pub velocity: Option<[f64; 3]>,
-    /// The first of its materials in the scene, and which of them each face has (the first, if the list
-    /// is empty).
+    /// The index in the scene of the first of its materials.
     pub first_material: usize,
+    /// The index of each face's material among its own. If the list is empty, all faces have the first one.
     pub face_materials: Arc<Vec<u32>>,
 }
 
@@ -60,15 +68,19 @@ impl HostObject {
 
 /// Values at the corners of faces.
 pub struct HostAttribute<const C: usize> {
+    /// The values.
     pub values: Vec<[f32; C]>,
+    /// The rows of the values at the corners of each face.
     pub faces: Arc<Vec<[u32; 3]>>,
 }
 
-/// A material on the host.
+/// A material.
 pub struct HostMaterial {
     /// The parameters, each at its place ([`Channel::place`]).
     pub channels: Vec<HostTexture>,
+    /// The parts that it has.
     pub kind: MaterialKind,
+    /// Tilts of the shading normal.
     pub normal_map: Option<HostTexture>,
 }
 
@@ -103,11 +115,14 @@ impl HostScene {
 /// nothing rounds. Both are medians over the vertices: what lies far away from the rest does not count.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneFrame {
+    /// The center, in scene units.
     pub center: DVec3,
+    /// The unit, in scene units.
     pub unit: f64,
 }
 
 impl SceneFrame {
+    /// The frame of a scene.
     pub fn new(scene: &HostScene) -> Self {
         let count: usize = scene.objects.iter().map(|o| o.positions.len()).sum();
         let all = || scene.objects.iter().flat_map(|o| &o.positions);

@@ -6,12 +6,17 @@ use super::Wrap;
 
 /// A color, or an image of colors.
 pub enum HostTexture {
+    /// RGB; a number is the first of three.
     Constant([f64; 3]),
+    /// An image that is looked up bilinearly.
     Image {
         /// RGB, row by row. Textures of one untracked tensor share them.
         texels: Arc<Vec<f32>>,
+        /// Columns.
         width: usize,
+        /// Rows.
         height: usize,
+        /// What is outside of the unit square.
         wrap: Wrap,
     },
 }

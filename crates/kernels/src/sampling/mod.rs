@@ -1,4 +1,4 @@
-//! Sampling for both engines: random numbers, the choice of emitters, and the strategies that a user sets.
+//! Sampling for both engines: random numbers, and the choice of emitters.
 
 mod emitters;
 mod numbers;
@@ -17,6 +17,6 @@ pub use numbers::draw_eight;
 #[cfg(feature = "gpu")]
 pub use sampler::LENGTH;
 pub use sampler::Sampler;
-pub use strategies::{EmitterSampling, Sampling, Sequence, SurfaceSampling};
+pub use strategies::{EmitterSampling, Sequence};
 pub use stream::{Dimensions, Stream};
 pub use table::points;
