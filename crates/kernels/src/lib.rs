@@ -6,6 +6,11 @@
 //!
 //! The crate is made for softray: its modules are open to that crate, and their items change without notice.
 
+#![allow(
+    rustdoc::private_intra_doc_links,
+    reason = "most modules are hidden: their documentation is for readers of the code"
+)]
+
 #[doc(hidden)]
 pub mod accel;
 #[doc(hidden)]

@@ -158,7 +158,7 @@ impl Backward {
         }
         // Each accumulator has its own sums of some tiles. Their number does not depend on the machine, so the sums are
         // reproducible.
-        let accumulators = (ACCUMULATED / all.len()).clamp(4, 64);
+        let accumulators = (ACCUMULATED / all.count()).clamp(4, 64);
         let each = self.tiles.len().div_ceil(accumulators).max(1);
         let per_sample = f64::from(self.samples).recip() as f32;
         let upstream: Vec<(u32, Seen)> = loss

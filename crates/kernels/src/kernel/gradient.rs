@@ -170,7 +170,8 @@ impl HostSums {
         self.forward.is_some()
     }
 
-    pub fn len(&self) -> usize {
+    /// The number of sums.
+    pub fn count(&self) -> usize {
         self.numbers.len()
     }
 

@@ -325,7 +325,7 @@ impl Packed {
         if let Some(&offset) = self.shared.get(&address) {
             return offset;
         }
-        let offset = self.texels.len();
+        let offset = self.texels.count();
         if Arc::strong_count(&texels) > 1 {
             self.shared.insert(address, offset);
         }

@@ -24,10 +24,10 @@ impl View {
         let sums = HostSums::new(&self.scene, &self.wanted);
         let mut tangents = SumTangents {
             directions: rows.len(),
-            values: vec![0.0; sums.len() * rows.len()],
+            values: vec![0.0; sums.count() * rows.len()],
             channels,
         };
-        let mut own = vec![0.0; sums.len()];
+        let mut own = vec![0.0; sums.count()];
         for (direction, row) in rows.iter().enumerate() {
             own.fill(0.0);
             self.of_tensors(&sums, scene, row, &mut own);

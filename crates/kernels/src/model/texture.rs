@@ -13,7 +13,7 @@ use crate::host::{Holes, OF_MASKED, Wrap};
 pub struct Texels(pub Vec<f32>);
 
 impl Texels {
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.0.len() / 3
     }
 
@@ -338,7 +338,7 @@ mod tests {
                 let wanted = (at(h) - at(-h)) / (2.0 * h);
                 assert!((by - wanted).abs() < 1e-3, "{uv:?}: {by:?} {wanted}");
             }
-            for t in 0..image.0.len() {
+            for t in 0..image.0.count() {
                 let shares = (0..4).filter(|&k| cell.texel(k) as usize == t);
                 let share: f32 = shares.map(|k| cell.share(k)).sum();
                 let before = look_up(&image, uv).y;

@@ -1,4 +1,4 @@
-//! BSDFs of surfaces, one file per model ([`models`]), on both sides of a surface.
+//! BSDFs of surfaces, one file per model (`models`), on both sides of a surface.
 //!
 //! cos θ is the cosine to the shading normal, but at most four times the cosine to the geometric normal. So near the
 //! geometric horizon, where the surface begins to occlude the light, the reflected light goes to 0 and does not jump.
