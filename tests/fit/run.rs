@@ -310,9 +310,7 @@ fn killed_at_any_moment_it_ends_the_same() {
         return;
     }
     let (alone, killed) = (folder("alone"), folder("killed"));
-    let start = std::time::Instant::now();
     let whole = rendered(&alone);
-    let seconds = start.elapsed().as_secs_f64();
     let at = place(&whole.module);
     assert!(at[..2].iter().all(|x| x.abs() < 0.05), "{at:?}");
     let victim = || {
@@ -323,13 +321,24 @@ fn killed_at_any_moment_it_ends_the_same() {
             .stderr(Stdio::null());
         command
     };
-    // Ten kills, spread over the fit by a sequence of small discrepancy.
+    let newest = || {
+        let entries = std::fs::read_dir(killed.join("checkpoints"));
+        let names = entries.into_iter().flatten().flatten();
+        let steps = names.filter_map(|e| e.file_name().to_str()?.parse::<usize>().ok());
+        steps.max().unwrap_or(0)
+    };
+    // Ten kills, some checkpoints apart, at moments between them by a sequence of small discrepancy.
     let mut before_end = 0;
     for k in 0..10 {
+        let past = newest() + 3 * (7 * k % 5);
         let mut child = victim().spawn().expect("a process");
-        let share = (0.5 + 0.618 * f64::from(k)).fract();
-        std::thread::sleep(Duration::from_secs_f64(0.02 + 0.12 * share * seconds));
-        before_end += usize::from(child.try_wait().expect("a state").is_none());
+        let mut runs = || child.try_wait().expect("a state").is_none();
+        while newest() <= past && runs() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let share = (0.5 + 0.618 * k as f64).fract();
+        std::thread::sleep(Duration::from_secs_f64(0.03 * share));
+        before_end += usize::from(runs());
         child.kill().expect("a kill");
         child.wait().expect("an end");
     }
