@@ -1,6 +1,11 @@
 //! Vectors. The formulas of `model` are written in the subset of Rust that the kernel language supports: plain
 //! structs, no early returns, no closures.
 
+#![allow(
+    clippy::should_implement_trait,
+    reason = "CubeCL resolves operators by the methods `add`, `sub`, `mul` and `neg`"
+)]
+
 use std::ops::{Add, AddAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
 use glam::DVec3;
@@ -99,9 +104,7 @@ impl V3 {
     }
 }
 
-// The kernel language resolves operators by these method names.
 #[cfg_attr(feature = "gpu", cube)]
-#[allow(clippy::should_implement_trait)]
 impl V3 {
     #[inline(always)]
     pub fn add(self, o: V3) -> V3 {
