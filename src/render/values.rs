@@ -6,7 +6,7 @@ use burn::tensor::Tensor;
 
 use crate::error::{Error, Result};
 use crate::geometry::host_values;
-use crate::scene::{Camera, Parameter, Row, Scene, Visit, visit_tensors};
+use crate::scene::{Camera, Described, Parameter, Scene, Visit, visit_tensors};
 use softray_kernels::host::ParameterId;
 
 /// The first step of the differences, relative to a number of size 1 or more, the factor from one step to the next, and
@@ -176,5 +176,5 @@ pub(super) fn check_same(values: &Values, shapes: &Values) -> Result<()> {
 }
 
 pub(super) fn invalid(id: ParameterId, found: impl ToString, expected: &str) -> Error {
-    Error::invalid("tangent", id.row().0, found, expected)
+    Error::invalid("tangent", id.name(), found, expected)
 }

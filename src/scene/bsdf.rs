@@ -1,6 +1,6 @@
 //! BSDFs with their parameters, and what constants of these may be.
 
-use super::parameter::{Parameter, Range, Row};
+use super::parameter::{Described, Parameter, Range};
 use super::texture::{ColorTexture, ScalarTexture, Value};
 use softray_kernels::host::{BsdfKind, Channel, MAX_IOR, MAX_METAL_IOR, MIN_IOR};
 
@@ -170,9 +170,9 @@ impl Bsdf {
     }
 }
 
-impl Row for Channel {
+impl Described for Channel {
     /// Tensors of a fit may wander out of a share for a step.
-    fn row(self) -> (&'static str, Range) {
+    fn described(self) -> (&'static str, Range) {
         match self {
             Self::Diffuse => ("diffuse", Range::Finite),
             Self::BaseColor => ("base_color", Range::Finite),

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use burn::tensor::Tensor;
 
 use super::bsdf::range_of_constants;
-use super::parameter::Row;
+use super::parameter::Described;
 use super::parameters::{Visit, look_at_scene, visit_camera};
 use super::texture::{ScalarTexture, Value};
 use super::{Bsdf, Camera, ColorTexture, Material, Object, Parameter, Scene};
@@ -92,7 +92,7 @@ impl Material {
     pub(crate) fn check_energy(&self, name: &str) -> Result<()> {
         for (channel, value) in self.clone().bsdf.channels() {
             let range = range_of_constants(channel);
-            range.check(name, channel.row().0, value.constants())?;
+            range.check(name, channel.name(), value.constants())?;
         }
         match &self.bsdf {
             Bsdf::Phong {
@@ -158,7 +158,7 @@ impl Visit for SameDevice<'_> {
         };
         if self.result.is_ok() {
             let place = (self.place)(id);
-            self.result = Err(Error::invalid(place, id.row().0, found, expected));
+            self.result = Err(Error::invalid(place, id.name(), found, expected));
         }
     }
 }
@@ -175,8 +175,8 @@ impl Values<'_> {
     /// Where nothing was found, the result for the object and the field.
     fn add(&mut self, id: ParameterId, check: impl Fn(&str, &str) -> Result<()>) {
         // The name is looked for where there is a mistake: for each value of many objects it would take long.
-        if self.result.is_ok() && check("", id.row().0).is_err() {
-            self.result = check(&(self.place)(id), id.row().0);
+        if self.result.is_ok() && check("", id.name()).is_err() {
+            self.result = check(&(self.place)(id), id.name());
         }
     }
 }
@@ -186,7 +186,7 @@ impl Visit for Values<'_> {
 
     fn parameter<const C: usize>(&mut self, id: ParameterId, p: &mut Parameter<C>) {
         self.add(id, |object, field| {
-            p.check(object, field, id.row().1).map(drop)
+            p.check(object, field, id.range()).map(drop)
         });
     }
 
@@ -206,7 +206,7 @@ impl Visit for Values<'_> {
                 let found = format!("of shape {dims:?}");
                 return Err(Error::invalid(object, field, found, expected));
             }
-            let range = id.row().1;
+            let range = id.range();
             let Some((i, value)) = first_outside(texels, |v| range.holds(v))? else {
                 return Ok(());
             };
@@ -296,7 +296,7 @@ impl Object {
             if let Some((channel, _)) = channels.find(|(_, v)| is_image(v)) {
                 let expected =
                     "a color, since the mesh has no texture coordinates: Mesh::with_uvs adds them";
-                return Err(Error::invalid(name, channel.row().0, "a texture", expected));
+                return Err(Error::invalid(name, channel.name(), "a texture", expected));
             }
         }
         Ok(())

@@ -5,7 +5,7 @@ use std::fmt::{Debug, Formatter, Result};
 
 use super::texture::Value;
 use super::{
-    ColorTexture, CornerAttribute, Environment, Material, Mesh, Object, Parameter, Row,
+    ColorTexture, CornerAttribute, Described, Environment, Material, Mesh, Object, Parameter,
     ScalarTexture, Scene,
 };
 use crate::debug::{Text, graph, place, tensor};
@@ -103,7 +103,7 @@ impl Debug for Material {
                 _ => true,
             };
             if is_shown {
-                all.field(channel.row().0, &value);
+                all.field(channel.name(), &value);
             }
         }
         if let Some(map) = &self.normal_map {

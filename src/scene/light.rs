@@ -6,7 +6,7 @@ use burn::tensor::Tensor;
 
 use super::Parameter;
 use super::angles::warn_of_radians;
-use super::parameter::{Range, Row};
+use super::parameter::{Described, Range};
 use super::texture::Value;
 use crate::error::{Error, Result};
 use crate::geometry::{Context, Vec3, sin_cos};
@@ -70,14 +70,14 @@ impl fmt::Debug for Light {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:?} light", self.kind())?;
         for (part, value) in self.clone().parts() {
-            write!(f, ", {} {value:?}", part.row().0)?;
+            write!(f, ", {} {value:?}", part.name())?;
         }
         Ok(())
     }
 }
 
-impl Row for LightPart {
-    fn row(self) -> (&'static str, Range) {
+impl Described for LightPart {
+    fn described(self) -> (&'static str, Range) {
         match self {
             Self::Position => ("position", Range::Finite),
             Self::Direction => ("direction", Range::Finite),

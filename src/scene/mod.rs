@@ -52,7 +52,7 @@ pub(crate) use material_planes::ChannelPlanes;
 pub use mesh::Mesh;
 pub(crate) use mesh::{host_tensor, take_rows};
 pub use parameter::Parameter;
-pub(crate) use parameter::{Range, Row};
+pub(crate) use parameter::{Described, Range};
 pub(crate) use parameters::{
     Collect, Detach, Replace, Visit, look_at_scene, visit_camera, visit_scene, visit_tensors,
 };

@@ -91,8 +91,16 @@ pub(super) fn without_tape<const D: usize>(t: &Tensor<D>) -> Tensor<D> {
 }
 
 /// A value's name in error messages and its range.
-pub(crate) trait Row {
-    fn row(self) -> (&'static str, Range);
+pub(crate) trait Described: Sized {
+    fn described(self) -> (&'static str, Range);
+
+    fn name(self) -> &'static str {
+        self.described().0
+    }
+
+    fn range(self) -> Range {
+        self.described().1
+    }
 }
 
 /// The largest radiance, intensity or irradiance. Sums over an image's samples, their squares, and products with

@@ -5,13 +5,13 @@ use std::ops::Range;
 
 use burn::tensor::Tensor;
 
-use super::parameter::{Range as Values, Row};
+use super::parameter::{Described, Range as Values};
 use super::texture::Value;
 use super::{Camera, Light, Object, Parameter, Projection, Scene};
 use softray_kernels::host::ParameterId;
 
-impl Row for ParameterId {
-    fn row(self) -> (&'static str, Values) {
+impl Described for ParameterId {
+    fn described(self) -> (&'static str, Values) {
         match self {
             Self::Vertices(_) => ("vertices", Values::Finite),
             Self::Uvs(_) => ("uvs", Values::Finite),
@@ -20,8 +20,8 @@ impl Row for ParameterId {
             Self::Tangents(_) => ("tangents", Values::Finite),
             Self::NormalMap(_) => ("normal map", Values::Finite),
             Self::Velocity(_) => ("velocity", Values::Finite),
-            Self::Material(_, channel) => channel.row(),
-            Self::Light(_, part) => part.row(),
+            Self::Material(_, channel) => channel.described(),
+            Self::Light(_, part) => part.described(),
             Self::Environment => ("environment", Values::Light),
             Self::Eye => ("eye", Values::Finite),
             Self::Target => ("target", Values::Finite),
